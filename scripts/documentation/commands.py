@@ -86,7 +86,7 @@ def _row(parameter: Any, hint: Any) -> str:
         name = f"`{parameter.opts[0]} {value}`"
     else:
         name = ", ".join(f"`{word}`" for word in [*parameter.opts, *parameter.secondary_opts])
-        if parameter.secondary_opts:
+        if parameter.secondary_opts and parameter.default is not None:
             default = f"`{(parameter.opts if parameter.default else parameter.secondary_opts)[0]}`"
     return f"| {name} | {_cell(parameter.help or '')} | {'required' if parameter.required else default} |"
 

@@ -105,13 +105,13 @@ def test_an_inertia_error_that_the_law_has_learnt_is_not_named_as_a_cause():
 
 
 @pytest.mark.filterwarnings("ignore:scheme.bound")
-def test_the_disturbance_compared_with_u_uses_the_learnt_inertia():
+def test_lumped_disturbance_of_a_run_is_computed_with_the_learnt_inertia():
     scenario = load(PANDA, {"scheme.bound.margin": 1.77, "simulation.t1": 1.5})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     assert np.linalg.norm(record.lumped, axis=1).max() == pytest.approx(1.77, rel=1e-3)
 
 
-def test_a_payload_that_the_drives_can_carry_is_described_to_the_law_and_not_reduced():
+def test_remedy_models_a_payload_within_the_torque_limits_and_reduces_a_heavier_payload():
     estimate = PayloadEstimate(mass=1.4, spread=0.01, explained=0.9, most=7.1, height=0.1)
     (remedy,) = _payload_remedies(SimpleNamespace(scenario=load(PANDA)), estimate)
     assert remedy.changes == {
@@ -135,7 +135,7 @@ def test_the_encoder_resolution_is_estimated_from_the_log():
     np.testing.assert_allclose(encoder_resolution(q), [1e-3, 0.0], rtol=1e-9)
 
 
-def test_without_delay_and_estimate_the_tolerated_inertia_ratio_is_the_derived_one():
+def test_tolerated_inertia_ratio_without_delay_and_estimator_agrees_with_its_formula():
     """`κ < 4/(r (4 - r))`, docs/sampled-data.md."""
     for periods in (1.0, 3.0, 12.0):
         loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
@@ -145,18 +145,18 @@ def test_without_delay_and_estimate_the_tolerated_inertia_ratio_is_the_derived_o
         assert np.sort(np.abs(np.linalg.eigvals(matrix)))[-3] < 1.0 and loop.radius(1.01 * limit) > 1.0
 
 
-def test_an_exact_model_is_stable_with_the_kalman_filter_at_any_delay_that_is_known():
+def test_loop_with_an_exact_model_and_kalman_filter_is_stable_at_any_known_delay():
     for delay in (0.0, 0.5, 1.0, 2.5, 4.0):
         loop = LinearLoop(h=1e-3, horizon=7.0, believed=delay, gains=(0.2, 0.02, 0.001), measures_velocity=False)
         assert loop.radius() < 1.0 and loop.radius(1.0, delay + 8.0) > 1.0
 
 
-def test_a_run_inside_its_envelope_has_nothing_to_explain():
+def test_explain_names_no_cause_for_a_run_inside_its_envelope():
     scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
     assert explain(scenario, scenario.simulate(log_every=1)) == []
 
 
-def test_a_default_margin_is_raised_from_its_computed_value():
+def test_remedy_raises_the_default_bound_margin_from_its_computed_value():
     scenario = load("panda-payload", {"scheme.bound.margin": None, "simulation.t1": 0.1})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     first = _cover_remedies(record, covers=10.0, lacks=20.0)[0]
@@ -164,7 +164,7 @@ def test_a_default_margin_is_raised_from_its_computed_value():
     assert first.changes["scheme.bound.margin"] == pytest.approx(margin + 20.0, rel=5e-3)
 
 
-def test_diagnosis_refusal_names_the_missing_part():
+def test_explain_requires_a_log_of_every_sample_and_a_sampled_data_law():
     scenario = load("example-4.1-1khz", UNLEARNT | {"simulation.t1": 1.0})
     with pytest.raises(DefinitionError, match="log_every=1"):
         explain(scenario, scenario.simulate(log_every=10))
@@ -194,7 +194,7 @@ def test_likely_failure_is_reported_before_the_run(which, words):
     assert any(words in sentence for sentence in forecast(seeded(which)))
 
 
-def test_a_fast_estimator_is_named_as_a_cause_where_noise_needs_the_torque_rate():
+def test_forecast_warns_of_an_estimator_whose_noise_exceeds_the_torque_rate_limit():
     density = "scheme.sampled_data.estimator.torque_density"
     (doubt,) = forecast(load("panda-payload", {density: 1e4}))
     assert "so fast" in doubt and "rate limit" in doubt

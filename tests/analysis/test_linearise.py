@@ -53,7 +53,7 @@ def off_by(changes: dict[str, Any], at: float) -> float:
         pytest.param({"scheme.name": "computed_torque"}, 5.0, 1e-9, marks=pytest.mark.full),
     ],
 )
-def test_the_derivative_agrees_with_differences_of_the_simulated_step(changes, at, close):
+def test_linearised_step_agrees_with_finite_differences_of_the_simulation(changes, at, close):
     assert off_by(changes, at) < close
 
 
@@ -70,7 +70,7 @@ def linearised():
     return linearise(scenarios.load("example-4.1-1khz", SHORT))
 
 
-def test_derivative_error_is_reported(linearised):
+def test_linearisation_reports_its_derivative_error_and_its_inputs_with_units(linearised):
     assert linearised.derivative_error < 0.05 and linearised.stable and linearised.held
     assert linearised.system.inputs[:2] == ("disturbance[joint 1]", "disturbance[joint 2]")
     assert linearised.system.input_units[:2] == ("N m", "N m") and len(linearised.system.inputs) == 2 * len(INPUTS)
@@ -174,7 +174,7 @@ RIVALS = ("slotine_li", "super_twisting", "pid", "nftsmc", "anftsmc", "sfsmc", "
 @pytest.mark.parametrize(
     "scheme", [pytest.param(loop, marks=[] if loop == "pid" else [pytest.mark.full]) for loop in RIVALS]
 )
-def test_competing_schemes_are_linearised_in_the_same_form(scheme):
+def test_linearisation_of_every_competing_scheme_has_finite_eigenvalues(scheme):
     changes = {**SHORT, "scheme.name": scheme}
     loop = linearise(scenarios.load("example-4.1-1khz", changes), at=0.05)
     assert loop.system.a.shape[0] >= 4 and np.isfinite(loop.system.eigenvalues).all()
@@ -202,7 +202,7 @@ def test_computed_torque_has_the_eigenvalues_of_its_gains():
     np.testing.assert_allclose(response.real, np.linalg.inv(mass) / 100.0, rtol=1e-6)
 
 
-def test_continuous_mode_has_eigenvalues_and_no_open_loop():
+def test_loop_in_continuous_mode_has_eigenvalues_but_no_margins():
     loop = linearise(scenarios.load("example-4.1", {"simulation.t1": 0.01}))
     assert not loop.held and np.isfinite(loop.system.radius)
     with pytest.raises(DefinitionError, match="no sampled loop can be opened"):
@@ -210,7 +210,7 @@ def test_continuous_mode_has_eigenvalues_and_no_open_loop():
     assert loop.as_json()["margins"] is None
 
 
-def test_notes_list_the_parts_left_out():
+def test_linearisation_notes_list_the_neglected_effects():
     changes = {
         **STILL,
         "sensor": {
@@ -229,7 +229,7 @@ def test_notes_list_the_parts_left_out():
 
 
 @pytest.mark.full
-def test_frozen_learning_adds_no_state(linearised):
+def test_joint_learning_is_noted_and_adds_at_most_two_states_per_joint(linearised):
     """With what was learnt as known from the start the loop is the same."""
     learning = linearise(
         scenarios.load("example-4.1-1khz", {**SHORT, "scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
@@ -245,12 +245,12 @@ def test_frozen_learning_adds_no_state(linearised):
         ({"simulation.t1": 10.0, "scheme.sampled_data": None}, 9.0, "the run .* at t = .*, before the requested time"),
     ],
 )
-def test_loop_without_a_derivative_is_refused(changes, at, message):
+def test_operating_time_outside_the_run_is_refused(changes, at, message):
     with pytest.raises(DefinitionError, match=message):
         linearise(scenarios.load("example-4.1-1khz", changes), at)
 
 
-def test_the_states_and_signals_have_names(linearised):
+def test_signals_of_the_linear_system_are_selected_by_name_and_joint(linearised):
     part = linearised.system.select("torque[joint 2]", ["error", "torque[joint 1]"])
     assert part.outputs == ("error[joint 1]", "error[joint 2]", "torque[joint 1]")
     with pytest.raises(DefinitionError, match="did you mean `torque`"):
@@ -277,7 +277,7 @@ def test_margins_agree_with_python_control(linearised):
     np.testing.assert_allclose(steps[:, 0, 1], expected.outputs[0, 1], atol=1e-12)
 
 
-def test_linearising_does_not_change_the_loop():
+def test_operating_point_is_the_sample_at_the_requested_time():
     loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", SHORT), 0.1)
     assert isinstance(loop, ClosedLoop) and int(carry.k) == 100
     assert dataclasses.is_dataclass(period_map(loop, carry))

@@ -46,12 +46,12 @@ def test_settling_time_is_zero_if_the_error_is_never_above_the_band():
     np.testing.assert_array_equal(analysis.settling_time(run, 100.0), [0.0, 0.0])
 
 
-def test_a_band_that_was_not_tallied_is_refused_with_those_that_were():
+def test_unknown_settling_band_is_refused_with_the_available_bands():
     with pytest.raises(DefinitionError, match=r"the run has no settling band 0.003, only 0.01, 0.001.*bands=\(0.003"):
         analysis.settling_time(whole(), 3e-3)
 
 
-def test_sums_and_peaks_are_those_of_all_samples():
+def test_error_and_torque_metrics_agree_with_their_definitions_over_all_samples():
     run = whole()
     e, tau, t = np.abs(run.log.e), np.asarray(run.log.tau), np.asarray(run.log.t)
     steps = np.abs(np.diff(tau, axis=0))
@@ -118,7 +118,7 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
     json.dumps(summary, allow_nan=False)
 
 
-def test_a_metric_record_defines_title_unit_and_meaning_for_all_tables():
+def test_user_metric_appears_with_title_unit_and_meaning_in_summary_and_comparison():
     """A metric that is only declared here is in the summary, the terminal's table, the comparison and the report."""
 
     @analysis.metric("largest error", "{position}", bars=True, brief=True)
@@ -137,7 +137,7 @@ def test_a_metric_record_defines_title_unit_and_meaning_for_all_tables():
     assert [row.unit for row in rows if row.metric is largest_error] == ["rad", "rad"]
 
 
-def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own():
+def test_every_metric_is_exported_with_a_unique_title_and_a_meaning():
     metrics = (*analysis.metrics_of(whole()), *INDEX_SUMS)
     for field in ("key", "title"):
         assert len({getattr(metric, field) for metric in metrics}) == len(metrics)
@@ -150,7 +150,7 @@ def test_every_metric_has_a_title_a_unit_and_a_meaning_of_its_own():
     assert analysis.iae.units(scara) == ["rad s", "rad s", "m s"]
 
 
-def test_a_run_without_a_valid_sample_has_no_meaningless_metric():
+def test_summary_of_a_run_without_valid_samples_has_null_instead_of_nan():
     start = scenarios.load("example-4.1", {"simulation.t1": 0.01}).simulate(log_every=None)
     empty = eqx.tree_at(lambda r: r.tally, start, Tally.empty(2, 5))
     text = json.dumps(analysis.summary(empty, INDEX_SUMS), allow_nan=False)
@@ -171,7 +171,7 @@ def test_joint_names_are_shortened_by_their_common_words(names, short):
     assert analysis.short_names(names) == short
 
 
-def test_the_envelope_margin_is_the_nearest_approach_over_the_width():
+def test_envelope_margin_is_the_smallest_distance_to_the_envelope_over_its_width():
     run = whole()
     lower, upper = np.asarray(run.log.envelope.lower), np.asarray(run.log.envelope.upper)
     nearer = np.minimum(run.log.e - lower, upper - run.log.e) / (upper - lower)
@@ -179,7 +179,7 @@ def test_the_envelope_margin_is_the_nearest_approach_over_the_width():
     assert analysis.envelope_violations(run) == 0
 
 
-def test_a_run_that_ends_early_has_no_steady_values_but_keeps_the_others():
+def test_run_that_ends_early_has_no_steady_state_metrics_but_keeps_the_others():
     run = scenarios.load("example-4.1", {"simulation.period": 1e-3}).simulate(log_every=None)
     assert run.outcome.kind == "left_envelope"
     assert analysis.steady_error(run) is None and analysis.steady_torque_step(run) is None
@@ -188,7 +188,7 @@ def test_a_run_that_ends_early_has_no_steady_values_but_keeps_the_others():
     assert '"steady_error": null' in text
 
 
-def test_a_run_that_continues_outside_counts_all_samples_and_has_a_negative_margin():
+def test_run_that_left_its_envelope_counts_violations_and_has_a_negative_margin():
     changes = {"start.q": [-0.8, 2.9], "simulation.t1": 1.0}
     run = scenarios.load("example-4.1-1khz", changes).simulate(log_every=1)
     assert run.outcome.kind == "recovered"
@@ -229,7 +229,7 @@ def test_a_log_has_the_same_columns_in_pandas_and_polars(run, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_metrics_are_a_row_for_each_number(run, kind):
+def test_metrics_frame_has_a_row_per_run_metric_and_joint(run, kind):
     pytest.importorskip(kind)
     frame = analysis.metrics_frame({"one": run, "other": run}, kind)
     assert list(frame.columns) == ["run", "metric", "joint", "unit", "value"]
@@ -245,7 +245,7 @@ def test_metrics_are_a_row_for_each_number(run, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
+def test_study_frame_keeps_its_columns_and_has_units_in_pandas(kind):
     pytest.importorskip(kind)
     columns = {"row": np.arange(3), "margin": np.array([0.1, np.nan, 0.3]), "steady_error": np.ones(3)}
     frame = studies.frame(columns, kind)
@@ -254,7 +254,7 @@ def test_many_runs_are_numbered_and_rows_of_studies_have_units(kind):
         assert frame.attrs["units"] == {"row": "", "margin": "", "steady_error": "rad or m"}
 
 
-def test_a_data_frame_of_another_library_is_refused(monkeypatch):
+def test_unknown_or_missing_data_frame_library_is_refused_with_a_remedy(monkeypatch):
     with pytest.raises(DefinitionError, match='must be "pandas" or "polars"'):
         inspect.unwrap(data_frame)({}, "arrow")
     monkeypatch.setitem(__import__("sys").modules, "polars", None)
@@ -311,13 +311,13 @@ def traced(metric: Any) -> Any:
 
 
 @pytest.mark.parametrize("metric", [*COUNTING, lambda run: analysis.settling_time(run, 1e-2)])
-def test_a_metric_that_counts_samples_is_refused_by_name(metric):
+def test_gradient_of_a_metric_that_counts_samples_is_refused_with_its_name(metric):
     name = metric.key if isinstance(metric, Metric) else "settling_time"
     with pytest.raises(DefinitionError, match=f"`{name}` counts samples, and so has no derivative"):
         traced(metric)
 
 
-def test_a_user_metric_in_numpy_is_refused_by_name():
+def test_gradient_of_a_user_metric_in_numpy_is_refused_with_its_name():
     @analysis.metric("largest error", "{position}")
     def largest(run: Run) -> np.ndarray:
         """`max |e|`."""

@@ -40,7 +40,7 @@ def test_verdict_compares_torques_with_the_limits_of_the_drives(held):
     assert "has no limit" in " ".join(run_verdict(scenarios.load("example-4.1", SHORT), run).facts)
 
 
-def test_verdict_without_a_log_says_how_much_of_the_width_is_left(held):
+def test_verdict_without_a_log_reports_the_remaining_envelope_width(held):
     scenario, run = held
     unlogged = eqx.tree_at(lambda run: run.log, run, None)
     margin = np.min(run.tally.margin)
@@ -59,7 +59,7 @@ def test_verdict_of_a_run_outside_its_tolerance_band_is_bad(held):
     assert run_verdict(free, free.simulate(progress=False)).sentence.endswith("its controller has no envelope.")
 
 
-def test_overlay_shows_every_joint_below_its_bound_and_names_the_nearest(held):
+def test_envelope_share_figure_shows_every_joint_and_labels_the_largest_share(held):
     run = held[1]
     figure = envelope_share(run)
     (axes,) = figure.axes
@@ -67,3 +67,13 @@ def test_overlay_shows_every_joint_below_its_bound_and_names_the_nearest(held):
     assert {line.get_label() for line in curves} == {"joint 1", "joint 2"}
     assert max(np.max(line.get_ydata()) for line in curves) == pytest.approx(100 * bound_shares(run).max())
     assert any("% at" in text.get_text() for text in axes.texts)
+
+
+def test_verdict_of_a_run_inside_its_envelope_but_outside_its_tolerance_band_is_bad(held):
+    scenario, _ = held
+    performance = {"kind": "fixed_time", "initial": 1.0, "final": 1e-6, "deadline": 0.5, "exponent": 2.01}
+    narrow = scenarios.alter(scenario, {"tolerance": {"overshoot": 0.9, "performance": performance}})
+    run = narrow.simulate(progress=False)
+    assert np.min(run.tally.margin) > 0.0
+    verdict = run_verdict(narrow, run)
+    assert not verdict.good and verdict.sentence.startswith("Outside the tolerance band: joint ")

@@ -47,7 +47,7 @@ def in_a_fresh_interpreter(code, folder=None):
     return done.stdout
 
 
-def test_imports_go_down_the_subpackages_only():
+def test_imports_follow_the_layers_of_the_subpackages():
     """The contract is in pyproject.toml, read by import-linter."""
     code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports())"
     assert "KEPT" in in_a_fresh_interpreter(code, ROOT)
@@ -59,7 +59,7 @@ def those(paths, wrong):
 
 
 @pytest.mark.parametrize("folder", ["src", "tests", "scripts", "benchmarks", "examples"])
-def test_no_module_exceeds_the_largest_length(folder):
+def test_no_module_is_longer_than_500_lines(folder):
     paths = sorted((ROOT / folder).rglob("*.py"))
     assert paths and not those(paths, lambda text: len(text.splitlines()) > LONGEST)
 
@@ -93,7 +93,7 @@ def known_names(thing):
 
 
 @pytest.mark.parametrize("room", PACKAGES)
-def test_public_things_have_a_docstring_whose_lists_name_what_exists(room):
+def test_public_functions_and_classes_have_docstrings_that_list_existing_parameters(room):
     """In the docstring itself, or for a method in that of the method it fulfils. Obvious arguments need no line."""
     wrong = {}
     for thing in documented(room):
@@ -107,7 +107,7 @@ def test_public_things_have_a_docstring_whose_lists_name_what_exists(room):
     assert not wrong
 
 
-def test_public_functions_take_a_path_as_text_too():
+def test_public_functions_accept_a_path_as_a_string():
     """By their annotations; mypy holds the bodies to them."""
     narrow = [
         f"{thing.__qualname__}({name})"
@@ -129,7 +129,7 @@ def test_classes_are_abstract_or_final(room):
             assert all(a.__name__.startswith("Abstract") for a in ancestors), thing
 
 
-def test_nothing_is_imported_by_a_star():
+def test_no_module_uses_a_star_import():
     assert not those(MODULES, lambda text: "import *" in text)
 
 
@@ -144,7 +144,7 @@ def enrolled_kinds():
 
 
 @pytest.mark.parametrize("room", ["arms", "law", "motions", "plant"])
-def test_every_member_of_a_kind_is_enrolled_in_the_law_tests(room):
+def test_every_arm_law_motion_and_plant_class_is_listed_in_members_py(room):
     """A member whose line in `members.py` is missing is found here."""
     enrolled = enrolled_kinds()
     bases = {a for kind in enrolled for a in kind.__mro__[1:] if a.__name__.startswith("Abstract")} - {AbstractPart}
@@ -156,7 +156,7 @@ def test_every_member_of_a_kind_is_enrolled_in_the_law_tests(room):
     assert family and not family - enrolled
 
 
-def test_every_package_of_the_source_is_imported_by_these_tests():
+def test_architecture_tests_cover_all_19_subpackages():
     assert {"arms", "codegen", "core", "law", "scenarios", "report", "paper", "export"} <= set(ROOMS)
     assert len(ROOMS) == 19 and {"codegen.trace", "law.sampled", "report.figures"} <= set(PACKAGES)
 
@@ -166,7 +166,7 @@ DRAWING = {"analysis", "certify", "cli", "design", "export", "paper", "report", 
 
 
 @pytest.mark.parametrize("rooms", [ROOMS, sorted(set(ROOMS) - DRAWING)], ids=["all", "without files and figures"])
-def test_importing_slidax_sets_64_bits_alone_and_loads_what_it_needs(rooms):
+def test_import_changes_only_the_64_bit_setting_and_loads_no_heavy_package(rooms):
     code = "import sys, jax\nbefore = {**jax.config.values, 'jax_enable_x64': True}\n"
     code += "".join(f"import slidax.{room}\n" for room in rooms)
     code += "assert dict(jax.config.values) == before\n"
@@ -186,11 +186,11 @@ def test_importing_slidax_sets_64_bits_alone_and_loads_what_it_needs(rooms):
         ("import os\nos.environ['JAX_ENABLE_X64'] = '0'\nimport slidax, jax", 32),
     ],
 )
-def test_importing_slidax_enables_64_bits_unless_someone_has_decided(first, bits):
+def test_import_enables_64_bits_unless_arrays_exist_or_the_environment_forbids_it(first, bits):
     assert in_a_fresh_interpreter(f"{first}\nprint(jax.numpy.ones(1).dtype)").strip() == f"float{bits}"
 
 
-def test_without_64_bit_numbers_a_run_is_refused_with_the_one_line_remedy():
+def test_run_with_32_bit_numbers_is_refused_with_a_one_line_remedy():
     code = """
 import os
 os.environ["JAX_ENABLE_X64"] = "0"
@@ -227,7 +227,7 @@ for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario
     assert in_a_fresh_interpreter(code).count('jax.config.update("jax_enable_x64", True)') == 3
 
 
-def test_metrics_and_figures_have_short_names():
+def test_slidax_metrics_and_slidax_figures_are_shortcuts_to_their_packages():
     assert slidax.metrics.settling_time is importlib.import_module("slidax.analysis").settling_time
     assert slidax.figures.tracking_error is importlib.import_module("slidax.report.figures").tracking_error
 
@@ -274,7 +274,7 @@ def imported(name: str, trees: dict[str, ast.Module], packages: set[str]) -> set
     return needed & set(trees) - {name}
 
 
-def test_imports_have_one_direction():
+def test_no_modules_import_each_other_in_a_circle():
     trees = modules()
     packages = {name for name in trees if (SOURCE.parent / name.replace(".", "/") / "__init__.py").exists()}
     plain = set(trees) - packages
@@ -286,7 +286,7 @@ def test_imports_have_one_direction():
         pytest.fail(f"a circle: {' <- '.join(error.args[1])}")
 
 
-def test_every_module_that_writes_shapes_is_checked():
+def test_array_shapes_are_checked_in_every_module_that_annotates_them():
     names = set(array_modules.names())
     writes = {
         ".".join(("slidax", *path.relative_to(array_modules.SOURCE).with_suffix("").parts))
@@ -297,6 +297,6 @@ def test_every_module_that_writes_shapes_is_checked():
     assert "slidax.core.powers" in names
 
 
-def test_a_wrong_shape_is_an_error():
+def test_argument_of_wrong_shape_raises_a_type_check_error():
     with pytest.raises(TypeCheckError):
         vector_norm(jnp.zeros((2, 2)))

@@ -17,7 +17,7 @@ def names_of_tests():
                 yield f"{path.relative_to(TESTS.parent).as_posix()}::{node.name}"
 
 
-def test_each_name_of_a_long_or_daily_test_is_that_of_a_test():
+def test_lists_of_long_and_daily_tests_contain_existing_tests_only():
     loader = SourceFileLoader("write_long_tests", str(SCRIPT))
     script = module_from_spec(spec_from_loader(loader.name, loader))
     loader.exec_module(script)

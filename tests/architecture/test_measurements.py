@@ -21,7 +21,7 @@ def exists(module: str, name: str) -> bool:
     return importlib.util.find_spec(f"{module}.{name}") is not None
 
 
-def test_measurements_import_names_that_exist():
+def test_benchmarks_and_scripts_import_existing_names_only():
     missing = []
     for path in FILES:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -31,7 +31,7 @@ def test_measurements_import_names_that_exist():
     assert not missing
 
 
-def test_each_measurement_is_a_function_of_a_script():
+def test_every_measurement_of_scripts_measure_names_an_existing_function():
     command = (ROOT / "scripts" / "measure").read_text(encoding="utf-8")
     places = re.findall(r'^    "[\w-]+": "(\w+)\.(\w+)",$', command, re.MULTILINE)
     assert len(places) > 40

@@ -18,7 +18,7 @@ def adjusted():
     return Adjusted.of(panda(), jnp.asarray(FACTORS), jnp.asarray(BODY))
 
 
-def test_an_adjusted_arm_is_the_arm_with_that_mismatch(adjusted):
+def test_adjusted_arm_has_the_dynamics_of_the_arm_with_the_same_mismatch(adjusted):
     inertial = np.zeros((11, 7))
     inertial[:PAYLOAD, 6] = BODY
     true = Mismatch(mass_factor=1.0 + FACTORS, inertial=inertial).applied(panda())
@@ -29,13 +29,13 @@ def test_an_adjusted_arm_is_the_arm_with_that_mismatch(adjusted):
     )
 
 
-def test_torque_is_linear_in_the_parameters_by_the_regressor(adjusted):
+def test_torque_regressor_times_parameters_gives_the_torque(adjusted):
     regressor = inertial_regressor(panda(), Q, DQ, DDQ)
     links = adjusted.mass(Q) - jnp.diag(panda().armature)
     np.testing.assert_allclose(regressor.torque @ PARAMETERS, links @ DDQ + adjusted.bias(Q, DQ), rtol=0, atol=1e-12)
 
 
-def test_the_diagonal_of_the_inertia_is_linear_by_the_regressor(adjusted):
+def test_inertia_regressor_times_parameters_gives_the_inertia_diagonal(adjusted):
     regressor = inertial_regressor(panda(), Q, DQ, DDQ)
     links = np.diagonal(adjusted.mass(Q)) - panda().armature
     np.testing.assert_allclose(regressor.inertia @ PARAMETERS, links, rtol=0, atol=1e-13)
@@ -50,7 +50,7 @@ def test_jacobi_rotations_give_the_eigenvalues_of_lapack():
         np.testing.assert_allclose(vectors @ np.diag(values) @ vectors.T, matrix, atol=1e-12)
 
 
-def test_the_nearest_body_exists_and_a_body_that_exists_is_its_own():
+def test_nearest_body_is_physical_and_keeps_a_physical_body():
     np.testing.assert_allclose(body_of(pseudo_inertia(jnp.asarray(BODY))), BODY, atol=1e-15)
     impossible = BODY * np.array([1, 1, 1, 1, 0.1, 1, 1, 1, 1, 1])
     assert np.linalg.eigvalsh(pseudo_inertia(jnp.asarray(impossible))).min() < -0.01
@@ -59,7 +59,7 @@ def test_the_nearest_body_exists_and_a_body_that_exists_is_its_own():
     np.testing.assert_allclose(nearest_body(mended, 1e-3), mended, atol=1e-12)
 
 
-def test_the_least_eigenvalue_has_the_slope_of_its_difference_quotient():
+def test_gradient_of_the_least_eigenvalue_agrees_with_finite_differences():
     value, slope = least_eigenvalue(jnp.asarray(BODY))
     for k in range(PAYLOAD):
         moved, _ = least_eigenvalue(jnp.asarray(BODY + 1e-6 * np.eye(PAYLOAD)[k]))

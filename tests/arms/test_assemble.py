@@ -193,7 +193,7 @@ def test_invalid_trees_of_joints_are_errors_that_name_them(joints, how, message)
         assemble(joints, name="arm", **how)
 
 
-def test_rounded_numbers_pass():
+def test_rounded_inertia_and_rotation_are_accepted():
     """A printed inertia may miss the triangle inequality in its last digit, and a frame its right angle."""
     rotation = np.array([[0.7071068, -0.7071068, 0.0], [0.7071068, 0.7071068, 0.0], [0.0, 0.0, 1.0]])
     a_joint(rotation=rotation, inertia=np.diag([0.01, 0.02, 0.03000001]))
@@ -212,7 +212,7 @@ def test_a_massless_link_is_accepted_between_heavy_links_or_with_an_armature():
     np.testing.assert_array_equal(assemble([SHOULDER, wheel], tip="forearm").armature, [0.0, 0.2])
 
 
-def test_points_and_thin_rods_can_be_fixed_to_a_link():
+def test_point_masses_and_thin_rods_can_be_fixed_to_a_link():
     point = Joint("bolt", "fixed", "elbow", "bolt link", mass=0.5, center=np.array([0.1, 0.0, 0.0]))
     rod = Joint("rod", "fixed", "elbow", "rod link", mass=1.0, inertia=np.diag([0.0, 0.1, 0.1]))
     arm = assemble([a_joint(), point, rod], tip="forearm")
@@ -247,7 +247,7 @@ def test_a_link_without_fixed_parts_keeps_its_parameters_bit_for_bit():
     np.testing.assert_array_equal(arm.inertias, [skew])
 
 
-def test_joints_keep_their_order_except_before_their_parents():
+def test_joints_keep_their_order_unless_a_child_precedes_its_parent():
     names = ["wrist", "waist", "finger", "left", "lift", "camera", "right", "mount"]
     by_name = {joint.name: joint for joint in tree_joints()}
     arm = assemble([by_name[name] for name in names], tip="camera_link")
@@ -278,7 +278,7 @@ def described_at_zero(joints: list[Joint], sliding: dict[str, float]) -> dict[st
     return {name: frame for name, frame in frames.items() if name is not None}
 
 
-def test_each_joint_turns_about_z_of_its_frame_along_its_original_axis():
+def test_z_axis_of_each_joint_frame_is_the_described_joint_axis():
     joints = tree_joints()
     arm, described = assemble(joints, tip="camera_link"), described_at_zero(joints, {})
     for (rotation, place), name in zip(at_zero(arm), arm.joint_names, strict=True):
@@ -290,7 +290,7 @@ def test_each_joint_turns_about_z_of_its_frame_along_its_original_axis():
 
 
 @pytest.mark.parametrize("axis", [[0.0, 0.0, 2.0], [0.0, 0.0, -1.0], [1e-9, 0.0, 1.0], [0.0, -3.0, 0.0]])
-def test_an_axis_along_or_close_to_a_coordinate_axis_keeps_its_digits(axis):
+def test_joint_axis_near_a_coordinate_axis_keeps_its_precision(axis):
     rotation = turned(np.random.default_rng(4))
     arm = assemble([a_joint(axis=np.array(axis), rotation=rotation)], tip="forearm")
     np.testing.assert_allclose(arm.rotations[0] @ np.array([0.0, 0.0, 1.0]), rotation @ axis / np.linalg.norm(axis))
@@ -313,7 +313,7 @@ def merged_by_hand(joints: list[Joint], locked: dict[str, float]) -> dict[str, t
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_links_behind_fixed_joints_merge_with_their_carrier(seed):
+def test_links_behind_fixed_or_locked_joints_merge_into_their_moving_parent(seed):
     rng = np.random.default_rng(100 + seed)
     tool = random_joint(rng, "tool", "camera", "fixed")
     stand = random_joint(rng, "stand", None, "fixed", mass=50.0)

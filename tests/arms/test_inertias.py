@@ -55,7 +55,7 @@ def of_no_body(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_nearest_inertia_is_the_projection(seed):
+def test_nearest_inertia_is_the_projection_onto_rigid_body_inertias(seed):
     """The removed part is orthogonal to the remaining one, and its product with every body is not positive (Moreau)."""
     rng = np.random.default_rng(seed)
     impossible = of_no_body(rng)
@@ -71,7 +71,7 @@ def test_nearest_inertia_is_the_projection(seed):
     np.testing.assert_allclose(nearest_rigid(nearest), nearest, rtol=0, atol=1e-15)
 
 
-def test_nearest_inertia_of_a_plate_with_a_heavy_rim():
+def test_nearest_inertia_of_an_impossible_body_is_that_of_a_plate():
     """By hand: Σ = diag(.055, .045, -.035), so the nearest is diag(.055, .045, 0), a plate."""
     np.testing.assert_allclose(nearest_rigid(FLAT), np.diag([0.045, 0.055, 0.1]), rtol=0, atol=1e-16)
 
@@ -84,7 +84,7 @@ def test_impossible_inertia_is_an_error_unless_nearest_is_set(read, text_with, o
     with pytest.warns(DefinitionWarning) as caught:
         arm = read(text, inertias="nearest")
     assert [str(warning.message) for warning in caught] == [
-        "arm: inertias are changed to the nearest that a rigid body can have, by a part of the largest principal "
+        "arm: inertias are changed to the nearest that a rigid body can have, by a share of the largest principal "
         f"moment: {owner} (35 %)"
     ]
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
@@ -95,7 +95,7 @@ def test_impossible_inertia_is_an_error_unless_nearest_is_set(read, text_with, o
     )
 
 
-def test_unknown_choice_of_inertias_is_an_error():
+def test_unknown_inertias_option_is_refused_with_the_allowed_values():
     with pytest.raises(DefinitionError, match="must be `given`, `nearest` or `strict`; got `neerest`; did you mean"):
         RigidInertias("neerest")
 
@@ -130,7 +130,7 @@ def largest_change(printed: np.ndarray) -> float:
 
 
 @each_reader
-def test_an_inertia_within_one_percent_is_read_with_one_warning(read, text_with, owner):
+def test_inertia_correctable_within_one_percent_is_read_with_one_warning(read, text_with, owner):
     """By hand: Σ = diag(.05, .05, -.00099), so two moments grow by 0.00099, 0.99 % of the largest."""
     with pytest.warns(DefinitionWarning) as caught:
         arm = read(text_with("0.04901 0.04901 0.1"))
@@ -140,7 +140,7 @@ def test_an_inertia_within_one_percent_is_read_with_one_warning(read, text_with,
 
 
 @each_reader
-def test_an_inertia_beyond_one_percent_is_refused_and_its_remedy_works(read, text_with, owner):
+def test_inertia_correctable_only_beyond_one_percent_is_refused_and_its_remedy_works(read, text_with, owner):
     text = text_with("0.04899 0.04899 0.1")
     with pytest.raises(DefinitionError, match=r'`fore` is of no rigid body.*; inertias="nearest" takes') as caught:
         read(text)
@@ -153,7 +153,7 @@ def test_an_inertia_beyond_one_percent_is_refused_and_its_remedy_works(read, tex
 
 
 @each_reader
-def test_strict_refuses_what_is_otherwise_replaced_and_reads_a_plate(read, text_with, owner):
+def test_strict_option_refuses_a_slightly_impossible_inertia_and_accepts_a_plate(read, text_with, owner):
     with pytest.raises(DefinitionError, match="`fore` is of no rigid body"):
         read(text_with("0.04901 0.04901 0.1"), inertias="strict")
     for choice in ("given", "strict"):
@@ -167,7 +167,7 @@ def test_a_negative_moment_is_refused_even_if_the_correction_is_small(moments):
         from_urdf(changed(GOOD, INERTIA, inertia(*moments.split())))
 
 
-def test_one_link_beyond_the_bound_is_refused_among_valid_links():
+def test_one_link_with_an_impossible_inertia_refuses_the_whole_file():
     text = changed(GOOD, INERTIA, inertia("0.04901", "0.04901", "0.1"), TOOL, FLAT_TOOL)
     with pytest.raises(DefinitionError, match="link `tool` is of no rigid body"):
         from_urdf(text)
@@ -176,7 +176,7 @@ def test_one_link_beyond_the_bound_is_refused_among_valid_links():
     assert len(caught) == 1
 
 
-def test_any_body_printed_to_three_digits_is_read():
+def test_every_inertia_rounded_to_three_digits_is_accepted():
     """Plates in any axes, where rounding leads out of what bodies can have."""
     rng = np.random.default_rng(11)
     changes = []
@@ -192,11 +192,11 @@ def test_any_body_printed_to_three_digits_is_read():
     assert len(changes) > 500 and 0.002 < max(changes) < 0.0072
 
 
-def test_moments_that_are_rounded_zeros_are_those_of_a_point():
+def test_inertia_of_rounding_errors_counts_as_zero():
     dust = changed(GOOD, INERTIA, inertia("0", "0", "0", "1.3e-20"))
     for how in ("given", "nearest"):
         with pytest.raises(
-            DefinitionError, match=r"`fore` must be positive definite.*; write the body's own there"
+            DefinitionError, match=r"`fore` must be positive definite.*; write the body's inertia"
         ) as caught:
             from_urdf(dust, inertias=how)
         assert "nearest" not in str(caught.value)

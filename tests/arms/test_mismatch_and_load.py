@@ -69,7 +69,7 @@ def test_mass_factor_scales_inertias_by_default():
         np.testing.assert_allclose(both.inertias[i], factor * arm().inertias[i], rtol=1e-15)
 
 
-def test_fields_of_none_keep_the_nominal_values():
+def test_unset_mismatch_fields_keep_the_nominal_values():
     lighter = Mismatch(mass_factor=0.85).applied(arm())
     changed = (lighter.masses, lighter.inertias)
     assert eqx.tree_equal(eqx.tree_at(lambda a: (a.masses, a.inertias), arm(), changed), lighter)
@@ -77,7 +77,7 @@ def test_fields_of_none_keep_the_nominal_values():
 
 @pytest.mark.parametrize("field", ["viscous", "coulomb", "armature"])
 @pytest.mark.parametrize("value", [0.7, [0.1, 0.0, 0.3]])
-def test_friction_and_rotors_replace_the_nominal_ones(field, value):
+def test_mismatch_friction_and_rotor_inertia_replace_the_nominal_values(field, value):
     true = Mismatch(**{field: value}).applied(arm())
     np.testing.assert_array_equal(getattr(true, field), np.broadcast_to(value, 3))
     assert eqx.tree_equal(eqx.tree_at(lambda a: getattr(a, field), arm(), getattr(true, field)), true)
@@ -100,13 +100,13 @@ def test_friction_is_smooth_coulomb_friction_and_viscous_friction():
         ({"armature": -1.0}, "`Mismatch.armature` must be >= 0; got -1"),
     ],
 )
-def test_a_number_out_of_its_range_is_refused_by_its_field(fields, message):
+def test_mismatch_value_out_of_range_is_refused_with_its_field_name(fields, message):
     with pytest.raises(DefinitionError, match=message):
         Mismatch(**fields)
 
 
 @pytest.mark.parametrize("field", ["mass_factor", "inertia_factor", "viscous", "coulomb", "armature"])
-def test_a_list_of_another_length_is_refused_by_its_field(field):
+def test_mismatch_list_of_wrong_length_is_refused_with_its_field_name(field):
     message = f"`Mismatch.{field}` must be one number or one for each of the 3 joints of arm, base, slide, wrist; got 2"
     with pytest.raises(DefinitionError, match=message):
         Mismatch(**{field: [0.5, 0.5]}).applied(arm())
@@ -136,7 +136,7 @@ def test_a_spherical_payload_has_the_same_moment_about_every_axis():
     np.testing.assert_array_equal(Payload(1.0, inertia=0.02).inertia, 0.02 * np.eye(3))
 
 
-def test_two_payloads_together_are_one_body_as_pinocchio_adds_them():
+def test_joined_payloads_agree_with_the_sum_of_inertias_in_pinocchio():
     pinocchio = pytest.importorskip("pinocchio")
     rng = np.random.default_rng(3)
     for _ in range(5):
@@ -159,7 +159,7 @@ def test_empty_payload_changes_nothing_when_joined():
     assert all(np.all(np.asarray(leaf) == 0) for leaf in jax.tree.leaves(nothing))
 
 
-def test_an_arm_with_a_payload_moves_as_one_with_a_heavier_last_link():
+def test_arm_with_a_payload_has_the_dynamics_of_a_heavier_last_link():
     """The last link with the payload is put together from points, before it is assembled."""
     *others, hand = joints()
     points = [points_of(float(x.mass), np.array(x.center), np.array(x.inertia)) for x in (hand, PAYLOAD)]

@@ -138,7 +138,7 @@ def test_arm_has_the_parameters_of_the_mjcf():
     np.testing.assert_allclose(from_mjcf(GOOD, tip="tool").tip_translation, arm.tip_rotation @ jnp.array([0.2, 0, 0]))
 
 
-def test_a_reference_shifts_the_positions_of_a_joint():
+def test_joint_attribute_ref_shifts_the_joint_positions():
     turned = from_mjcf(changed(GOOD, ELBOW, ELBOW.replace("/>", ' ref="30"/>')), tip="tool")
     plain = from_mjcf(GOOD, tip="tool")
     q, at = jnp.array([0.2, 0.1]), jnp.array([0.2, 0.1 - np.deg2rad(30.0)])
@@ -182,7 +182,7 @@ def test_warnings_of_mujoco_are_passed_on():
         assert from_mjcf(twin, locked={"twin": 0.0}).joint_names == ("shoulder", "elbow")
 
 
-def test_unnamed_bodies_and_joints_get_names_and_may_share_a_name():
+def test_unnamed_parts_get_names_and_a_body_may_have_a_joints_name():
     arm = from_mjcf(changed(GOOD, FORE, '<body pos="0.4 0 0">', 'name="elbow" ', "", MOTOR, ""))
     assert arm.joint_names == ("shoulder", "joint 1") and arm.link_names == ("upper", "body 3")
     arm = from_mjcf(changed(GOOD, FORE, FORE.replace("fore", "elbow")), tip="elbow")
@@ -241,19 +241,19 @@ def test_an_mjcf_file_may_include_and_attach_others(tmp_path):
     np.testing.assert_allclose(arm.limits.upper, np.deg2rad([120.0, 80.0]), rtol=1e-14)
 
 
-def test_a_nan_in_an_included_file_is_found_too(tmp_path, monkeypatch, capfd):
+def test_nan_in_an_included_file_is_refused(tmp_path, monkeypatch, capfd):
     # MuJoCo would say so on the terminal and in a log in the working directory, and go on.
     monkeypatch.chdir(tmp_path)
     body = GOOD[GOOD.index("<worldbody>") : GOOD.index("</worldbody>") + len("</worldbody>")]
     (tmp_path / "arm.xml").write_text(f"<mujoco>{body}</mujoco>".replace('pos="0.4 0 0"', 'pos="nan 0 0"'))
     (tmp_path / "scene.xml").write_text(GOOD.replace(body, '<include file="arm.xml"/>'))
-    with pytest.raises(DefinitionError, match=r"scene\.xml: a file that this one includes has a number that is NaN"):
+    with pytest.raises(DefinitionError, match=r"scene\.xml: an included file has a number that is NaN"):
         from_mjcf("scene.xml")
     assert capfd.readouterr() == ("", "")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["arm.xml", "scene.xml"]
 
 
-def test_bodies_keep_their_names_where_mujoco_would_join_them():
+def test_static_body_stays_the_tip_despite_fusestatic():
     tool = '<body name="tool" pos="0.2 0 0"><geom size="0.01" mass="0.5"/></body>'
     fused = changed(GOOD, COMPILER, '<compiler angle="degree" fusestatic="true"/>', SITE, tool)
     arm = from_mjcf(fused)
@@ -261,11 +261,11 @@ def test_bodies_keep_their_names_where_mujoco_would_join_them():
     np.testing.assert_allclose(arm.tip_translation, arm.tip_rotation @ jnp.array([0.2, 0.0, 0.0]))
 
 
-def test_default_tip_is_the_only_moving_body_that_carries_none():
+def test_default_tip_is_the_only_moving_body_without_children():
     scene = from_mjcf(changed(GOOD, WORLD, WORLD + '<body name="table"><geom size="0.1"/></body>'))
     np.testing.assert_array_equal(scene.tip_translation, from_mjcf(GOOD, tip="fore").tip_translation)
 
 
-def test_text_in_another_encoding_is_read(tmp_path):
+def test_file_in_utf_16_is_read(tmp_path):
     (tmp_path / "wide.xml").write_bytes(GOOD.encode("utf-16"))
     np.testing.assert_array_equal(from_mjcf(tmp_path / "wide.xml").inertias, from_mjcf(GOOD).inertias)

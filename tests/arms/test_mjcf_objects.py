@@ -54,7 +54,7 @@ def test_an_object_that_is_tied_to_the_arm_is_refused():
         from_mjcf(tied)
 
 
-def test_two_arms_in_one_scene_need_the_tip_and_one_is_omitted():
+def test_scene_with_two_arms_needs_a_tip_and_omits_the_other_arm():
     two = scene(DOOR)
     with pytest.raises(DefinitionError, match="give tip=NAME; fore, door carry no other"):
         from_mjcf(two)
@@ -62,7 +62,7 @@ def test_two_arms_in_one_scene_need_the_tip_and_one_is_omitted():
         assert from_mjcf(two, tip="door").joint_names == ("hinge",)
 
 
-def test_a_scene_becomes_a_scenario_of_its_arm(tmp_path):
+def test_drafted_scenario_of_a_scene_contains_its_arm_only(tmp_path):
     (tmp_path / "scene.xml").write_text(scene(TABLE, BOX), encoding="utf-8")
     drafted = draft(tmp_path / "scene.xml", folder=tmp_path)
     assert "`box` is no part of the arm and left out" in drafted.notes

@@ -166,7 +166,7 @@ def other_file(path):
 
 
 @pytest.mark.parametrize(("name", "path"), SAME_ARM)
-def test_links_and_limits_agree_with_another_description(name, path):
+def test_built_in_links_and_limits_agree_with_example_robot_data(name, path):
     tree = ElementTree.fromstring(other_file(path))
     for joint in FILES[name]["joints"]:
         inertial = tree.find(f"./link[@name='{joint['link']['name']}']/inertial")

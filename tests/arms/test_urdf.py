@@ -28,7 +28,7 @@ MIMIC = '<mimic joint="shoulder" multiplier="2" offset="0.5"/>'
 
 
 @pytest.mark.parametrize(("read", "file", "printed"), PAPER)
-def test_paper_arms_agree_with_their_files(read, file, printed):
+def test_robot_files_of_the_paper_arms_agree_with_their_formulas(read, file, printed):
     arm = read(EXAMPLES / file)
     assert arm.joint_units == printed.joint_units
     q, dq = STATES[:, :, : printed.joints]
@@ -98,7 +98,7 @@ def test_a_continuous_joint_has_no_position_limits():
     assert np.isposinf(arm.limits.upper[1]) and arm.limits.torque[1] == 20.0
 
 
-def test_invalid_limits_are_ignored_where_they_are_not_read():
+def test_invalid_limits_are_ignored_with_limits_false_and_for_locked_joints():
     arm = from_urdf(changed(GOOD, LIMIT, ""), limits=False)
     assert np.isposinf(arm.limits.torque).all() and np.isneginf(arm.limits.lower).all()
     for text in ("", limit(velocity="-7")):
@@ -126,7 +126,7 @@ def test_a_missing_limit_is_infinite_and_the_others_are_read(values, missing, in
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(changed(GOOD, LIMIT, limit(**values)))
     assert [str(warning.message) for warning in caught] == [
-        f"arm: the file gives {missing}, or 0 for it; it is taken as infinite"
+        f"arm: the file has {missing}, or a limit of 0; such limits are taken as infinite"
     ]
     for field, value in expected.items():
         assert float(getattr(arm.limits, field)[1]) == value
@@ -139,24 +139,24 @@ def test_one_warning_names_all_joints_without_a_limit_and_the_file(tmp_path):
     with pytest.warns(DefinitionWarning) as caught:
         from_urdf(tmp_path / "arm.urdf")
     (warning,) = caught
-    assert str(warning.message).startswith(f"{tmp_path / 'arm.urdf'}: the file gives ")
+    assert str(warning.message).startswith(f"{tmp_path / 'arm.urdf'}: the file has ")
     for words in ("position for elbow,", "velocity for elbow,", "effort for shoulder, elbow,"):
         assert words in str(warning.message)
 
 
 @pytest.mark.parametrize(("values", "ends"), [({"lower": None}, (0.0, 1.5)), ({"upper": None}, (-1.0, 0.0))])
-def test_a_missing_end_of_a_range_is_0_by_the_standard(values, ends):
+def test_missing_lower_or_upper_limit_is_0_by_the_urdf_standard(values, ends):
     limits = from_urdf(changed(GOOD, LIMIT, limit(**values))).limits
     assert (float(limits.lower[1]), float(limits.upper[1])) == ends
 
 
 @pytest.mark.parametrize("values", [{"lower": None, "upper": "-1"}, {"lower": "1", "upper": None}])
-def test_a_single_end_beyond_0_is_refused(values):
+def test_single_limit_that_leaves_an_empty_range_is_refused(values):
     with pytest.raises(DefinitionError, match="`elbow` must have lower < upper"):
         from_urdf(changed(GOOD, LIMIT, limit(**values)))
 
 
-def test_a_joint_that_mimics_a_locked_one_is_held_with_it():
+def test_joint_that_mimics_a_locked_joint_is_held_with_it():
     text = changed(GOOD, LIMIT, LIMIT + MIMIC)
     assert from_urdf(text, locked={"elbow": 0.5}).joint_names == ("shoulder",)
     with pytest.raises(DefinitionError, match=r"no joint that moves.*`elbow` mimics joint `shoulder`.*held at 1;"):
@@ -183,7 +183,7 @@ def with_mesh(name: str) -> str:
     return changed(GOOD, FORE, f'{FORE}<visual><geometry><mesh filename="{name}"/></geometry></visual>')
 
 
-def test_a_mesh_is_found_next_to_the_file_and_in_packages_and_is_not_read(tmp_path):
+def test_mesh_path_is_resolved_from_the_file_or_packages_without_reading_it(tmp_path):
     meshes = tmp_path / "arm_description" / "meshes"
     meshes.mkdir(parents=True)
     (meshes / "fore.dae").write_text("no mesh at all")

@@ -62,7 +62,7 @@ READ = {
 
 
 @pytest.mark.parametrize(("old", "new", "words"), READ.values(), ids=READ)
-def test_a_fault_without_effect_is_a_warning_and_the_arm_is_the_same(old, new, words, tmp_path):
+def test_harmless_file_fault_causes_one_warning_and_leaves_the_arm_unchanged(old, new, words, tmp_path):
     path = tmp_path / "my.urdf"
     path.write_text(changed(GOOD, old, new))
     with pytest.warns(DefinitionWarning) as caught:
@@ -96,7 +96,7 @@ def test_a_limit_of_minus_1_counts_as_missing(velocity, effort):
     assert "-1 in <limit> of joint `elbow` counts as missing" in told
 
 
-def test_exchanged_ends_of_a_range_around_0_are_corrected():
+def test_exchanged_lower_and_upper_limits_around_0_are_corrected():
     with pytest.warns(
         DefinitionWarning, match="`elbow` has lower 1.5 > upper -1: they are read as exchanged, -1 to 1.5"
     ):
@@ -111,7 +111,7 @@ def test_a_range_of_one_position_is_refused_with_a_remedy_that_works():
     assert from_urdf(text, locked={"elbow": 1.5}).joint_names == ("shoulder",)
 
 
-def test_a_link_that_only_a_joint_names_is_the_base_if_every_other_is_carried():
+def test_undeclared_parent_link_becomes_the_base_with_a_warning():
     with pytest.warns(
         DefinitionWarning, match='link `world`, the parent of joint `shoulder`.* write <link name="world"/>'
     ):
@@ -120,7 +120,7 @@ def test_a_link_that_only_a_joint_names_is_the_base_if_every_other_is_carried():
 
 
 @pytest.mark.parametrize("angles", [(0.3, -1.2, 2.5), (0.0, np.pi / 2, 0.0)], ids=["any", "straight up"])
-def test_a_quaternion_turns_a_frame_as_its_angles_do(angles):
+def test_quaternion_in_an_origin_equals_the_same_roll_pitch_yaw_angles(angles):
     words, quaternion = (
         " ".join(repr(float(x)) for x in row) for row in (angles, Rotation.from_euler("xyz", angles).as_quat())
     )
@@ -135,13 +135,13 @@ def test_a_thin_rod_is_accepted_and_a_moment_rounded_below_0_is_0(moment):
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.0, 0.0125, 0.0125], rtol=0, atol=1e-15)
 
 
-def test_rounding_is_relative_to_the_links_own_moments():
+def test_negative_moment_is_judged_relative_to_the_links_own_moments():
     small = changed(GOOD, INERTIA, inertia("-4e-13", "5e-13", "5e-13"))
     with pytest.raises(DefinitionError, match=r"link `fore` must be positive definite.*inertias=\"nearest\""):
         from_urdf(small)
 
 
-def test_fingers_that_are_coupled_are_held_and_the_warning_says_where():
+def test_coupled_fingers_are_held_and_the_warning_names_their_positions():
     with pytest.warns(DefinitionWarning) as caught:
         arm = from_urdf(GRIPPED, tip="tcp", limits=False)
     assert arm.joint_names == ("shoulder", "elbow")
@@ -153,7 +153,7 @@ def test_fingers_that_are_coupled_are_held_and_the_warning_says_where():
     np.testing.assert_array_equal(arm.inertias, held.inertias)
 
 
-def test_a_finger_that_mimics_a_locked_one_is_held_at_its_ratio():
+def test_finger_that_mimics_a_locked_finger_is_held_at_its_ratio():
     with pytest.warns(
         DefinitionWarning, match="joint `finger2` mimics joint `finger1`, which does not move: .* -0.025"
     ):
@@ -162,14 +162,14 @@ def test_a_finger_that_mimics_a_locked_one_is_held_at_its_ratio():
     np.testing.assert_allclose(arm.inertias, held.inertias, rtol=1e-14, atol=1e-16)
 
 
-def test_cylinder_next_to_the_arm_is_held_and_its_leader_moves():
+def test_follower_outside_the_arm_is_held_and_its_leader_moves():
     with pytest.warns(DefinitionWarning, match=r"`shoulder` leads `cylinder`.*locked=\{'cylinder': 0\} is assumed"):
         arm = from_urdf(CYLINDER, tip="tool", limits=False)
     assert arm.joint_names == ("shoulder", "elbow")
 
 
 @pytest.mark.parametrize("leader", ["nobody", "cylinder"])
-def test_invalid_mimic_outside_the_arm_is_held(leader):
+def test_joint_outside_the_arm_with_an_invalid_mimic_is_held(leader):
     with pytest.warns(DefinitionWarning, match=r"`cylinder` is held at 0; locked=\{'cylinder': POSITION\}"):
         arm = from_urdf(CYLINDER.replace('joint="shoulder"', f'joint="{leader}"'), tip="tool", limits=False)
     assert arm.joint_names == ("shoulder", "elbow")

@@ -59,7 +59,7 @@ def test_an_invalid_rotor_is_refused_by_name(more, message):
         arms.from_urdf(arm(more=more))
 
 
-def test_a_new_scenario_has_the_files_rotors_and_assumes_missing_ones(tmp_path):
+def test_drafted_scenario_has_the_files_rotor_inertias_and_assumes_missing_values(tmp_path):
     path = tmp_path / "four.urdf"
     path.write_text(arm(more=transmission(ROS, "j2", 2e-5, 100)))
     (tmp_path / "four.yaml").write_text(draft(path, folder=tmp_path).text)
@@ -87,7 +87,7 @@ def test_a_robot_descriptions_name_loads_its_file(descriptions, tmp_path):
     assert named_robot("four_description")[1] == {"kind": "urdf", "file": descriptions.URDF_PATH}
 
 
-def test_a_missing_description_or_package_has_its_remedy(descriptions, monkeypatch):
+def test_missing_robot_description_or_package_is_refused_with_a_remedy(descriptions, monkeypatch):
     with pytest.raises(DefinitionError, match="`five_description` is not a robot of robot_descriptions; `python -m"):
         draft("five_description")
     del descriptions.URDF_PATH

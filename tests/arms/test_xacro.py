@@ -56,7 +56,7 @@ def test_macros_properties_arguments_and_includes_are_expanded(package):
     assert float(from_urdf(path, arguments={"effort": "12"}).limits.torque[1]) == 12.0
 
 
-def test_a_package_is_found_in_the_users_folder(package, tmp_path):
+def test_xacro_package_is_resolved_from_the_packages_argument(package, tmp_path):
     path = tmp_path / "apart.xacro"
     path.write_text(as_xacro(head='<xacro:include filename="$(find sizes)/urdf/sizes.xacro"/>'))
     with pytest.raises(DefinitionError, match=r"package `sizes` is not found; packages=\{'sizes': FOLDER\}"):
@@ -90,7 +90,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("words", HOSTILE.values(), ids=HOSTILE)
 @pytest.mark.parametrize("form", ["${%s}", "$(eval %s)"])
-def test_an_expression_cannot_run_code_or_take_the_memory(words, form, tmp_path):
+def test_expression_cannot_run_code_or_exhaust_memory(words, form, tmp_path):
     path = tmp_path / "arm.xacro"
     mass = MASS.replace("1.25", (form % words).replace("<", "&lt;").replace('"', "&quot;"))
     path.write_text(as_xacro(MASS, mass))
@@ -135,7 +135,7 @@ REPEATED = {
 
 
 @pytest.mark.parametrize("body", REPEATED.values(), ids=REPEATED)
-def test_an_expansion_without_end_is_refused(body, tmp_path, monkeypatch):
+def test_expansion_with_too_many_steps_is_refused(body, tmp_path, monkeypatch):
     monkeypatch.setattr(expression, "MOST_STEPS", 100_000)
     path = tmp_path / "arm.xacro"
     path.write_text(as_xacro(head=body))
@@ -176,7 +176,7 @@ def test_a_macro_may_call_itself_a_hundred_times(tmp_path):
     assert from_urdf(path).joints == 2
 
 
-def test_texts_and_parameters_are_expanded_in_polynomial_time(tmp_path):
+def test_tokenize_and_macro_parameters_do_not_hang_on_hostile_text(tmp_path):
     path = tmp_path / "arm.xacro"
     words = "'" + "a" * 60 + "!'"
     head = (
@@ -212,7 +212,7 @@ def test_expressions_of_robot_files_have_pythons_values(words, value):
     assert evaluate(words, names, {}) == pytest.approx(value)
 
 
-def test_an_undefined_name_is_named(tmp_path):
+def test_undefined_name_in_an_expression_is_reported(tmp_path):
     path = tmp_path / "arm.xacro"
     path.write_text(as_xacro(MASS, '<mass value="${heavy}"/>'))
     with pytest.raises(DefinitionError, match=r"arm\.xacro`: .*heavy"):

@@ -54,7 +54,7 @@ def test_scenario_changed_in_python_is_refused():
     assert slidax.certify.certify is certify_module
 
 
-def test_invalid_set_raises():
+def test_uncertainty_set_with_negative_mass_is_refused():
     with pytest.raises(DefinitionError, match="uncertainty"):
         certify(load("example-4.1", {"uncertainty": {"robot.plant.masses": {"between": [-1.0, 1.0]}}, **SHORT}))
 
@@ -78,7 +78,7 @@ def test_failures_are_counted_and_the_search_finds_a_violation():
     assert verdict.margin is not None and verdict.margin < 0
 
 
-def test_statistical_does_not_apply_without_set_or_runs():
+def test_statistical_certificate_does_not_apply_without_a_set_or_runs():
     assert statistical(load("example-4.1", SHORT)).holds is None
     assert statistical(load("example-4.1", SHORT), runs=0).holds is None
 
@@ -118,13 +118,13 @@ def test_no_certificate_holds_for_a_set_that_it_does_not_cover():
         assert verdict.holds is None, verdict.name
 
 
-def test_set_of_a_single_value_changes_no_verdict():
+def test_set_of_single_values_leaves_the_robust_torque_verdict_unchanged():
     sets = {"sensor.resolution": {"around": 0.0}, "robot.plant.masses": {"around": "0 %", "each": "joint"}}
     with_it = load(NAME, {"uncertainty": sets, "simulation.t1": 3.0})
     assert robust_torque(with_it).as_json() == robust_torque(load(NAME, {"simulation.t1": 3.0})).as_json()
 
 
-def test_pulse_between_probe_times_counts_and_a_disturbance_without_effect_is_named():
+def test_disturbance_pulse_between_probe_times_counts_and_an_ineffective_disturbance_is_named():
     pulse = {"kind": "step", "value": [0.0, 0.0], "start": 1.2345, "end": 1.2365}
     sets = {"disturbance.terms.0.value": {"between": [-12.0, 12.0], "each": "joint"}}
     changes = {"disturbance.terms": [pulse], "uncertainty": sets, "simulation.t1": 3.0, **WITHOUT}
@@ -156,7 +156,7 @@ BRIEF = {
 
 
 @pytest.mark.parametrize("position", [None, {"between": [5.1995, 5.6]}], ids=["surface known", "surface uncertain"])
-def test_brief_contact_counts_with_its_uncertain_stiffness(position):
+def test_brief_contact_force_counts_with_the_largest_uncertain_stiffness(position):
     # The first joint is 0.5 mrad deep in the surface at t = 0.785 s, and less than 36 ms in contact.
     stop = {"kind": "elastic_stop", "position": [5.1995, 15.0], "stiffness": [20000.0, 0.0], "damping": [0.0, 0.0]}
     sets: dict[str, Any] = {"disturbance.terms.0.stiffness": {"between": [0.0, 40000.0]}}
@@ -171,7 +171,7 @@ def test_brief_contact_counts_with_its_uncertain_stiffness(position):
     assert (bound >= 0.999 * np.abs(pressed.disturbance[0, k])).all()
 
 
-def test_ripple_that_vanishes_at_each_sample_counts_between_samples():
+def test_disturbance_ripple_that_vanishes_at_each_sample_counts_in_the_robust_torque():
     # A sine of 1 kHz at 1 kHz: of 20 N m nothing is seen at a sample.
     verdict = robust_torque(load(NAME, {**RIPPLE, "simulation.t1": 3.0}))
     assert verdict.holds is False and verdict.bound["needed"] > 20.0
@@ -179,7 +179,7 @@ def test_ripple_that_vanishes_at_each_sample_counts_between_samples():
     assert still.holds and still.bound["needed"] < 15.0
 
 
-def test_step_between_two_samples_counts_in_full():
+def test_disturbance_pulse_between_two_samples_counts_as_a_jump():
     push = {"kind": "step", "value": [3.0, 0.0], "start": 1.0004, "end": 1.0008}
     request = compute_demand(load(NAME, {"disturbance.terms": [push], "simulation.t1": 3.0, **WITHOUT}))
     assert request.jumps is not None
@@ -200,7 +200,7 @@ def test_grade_depends_on_the_share_of_proved_assumptions():
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["panda-payload", "ur5e-payload"])
-def test_inertia_ratio_fails_if_only_single_loops_are_stable(name):
+def test_inertia_ratio_certificate_fails_if_loops_are_stable_only_joint_by_joint(name):
     scenario = load(name)
     verdict = inertia_ratio(scenario, compute_demand(scenario))
     assert np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]

@@ -84,7 +84,7 @@ def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets):
 
 @once
 @given(st.integers(2, 3))
-def test_quick_certificates_do_not_depend_on_splitting_into_equal_terms(terms):
+def test_quick_certificates_do_not_depend_on_splitting_a_disturbance_into_equal_terms(terms):
     plain, other = written(SET), written(SET, terms)
     for certificate in QUICK:
         assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.name
@@ -109,7 +109,7 @@ NOTHING_PRINTED = {"start.q": {"around": 0.0, "each": "joint"}, "disturbance.sca
 @pytest.mark.full
 @settings(some, max_examples=2)
 @given(st.integers(2, 8), st.booleans())
-def test_all_certificates_do_not_depend_on_equal_or_zero_terms(terms, learns):
+def test_all_certificates_do_not_depend_on_equal_or_zero_disturbance_terms(terms, learns):
     more = {"scheme.sampled_data.adaptation": {"kind": "joint_learning"}} if learns else {}
     plain, other = written(SET, **more), written(SET, terms, **more)
     nothing = [{**TERM, "amplitude": [0.0, 0.0]}, {"kind": "step", "value": [0.0, 0.0], "start": 1.0, "end": 1.1}]

@@ -113,7 +113,7 @@ AT_1_KHZ = {
         *(pytest.param("example-4.1-1khz", *case, id=case[0][:60]) for case in AT_1_KHZ.items()),
     ],
 )
-def test_bad_setting_is_one_line_with_field_rule_value_and_joint(scenario, change, words):
+def test_invalid_setting_is_reported_in_one_line_with_field_rule_and_value(scenario, change, words):
     assert_one_line(words, "run", scenario, "--set", change, "--json")
 
 
@@ -179,7 +179,7 @@ REQUESTS = [
 
 
 @pytest.mark.parametrize(("arguments", "words"), REQUESTS, ids=lambda value: " ".join(value)[:80])
-def test_invalid_request_is_one_line_and_writes_nothing(arguments, words, tmp_path, monkeypatch):
+def test_invalid_command_is_refused_in_one_line_and_writes_nothing(arguments, words, tmp_path, monkeypatch):
     if "mujoco" in arguments:
         pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
@@ -195,10 +195,10 @@ def test_unusual_part_names_are_refused_in_one_line(name):
 LAUGHS = "a: &a0 [1, 1]\n" + "".join(f"b{k}: &a{k + 1} [{', '.join([f'*a{k}'] * 10)}]\n" for k in range(12))
 
 TEXTS = {
-    "empty": (b"", "a scenario is a mapping"),
+    "empty": (b"", "a scenario must be a mapping"),
     "binary": (b"\x00\x01\xff\xfe", "not UTF-8"),
     "zeros": (b"\x00" * 100, "not valid YAML"),
-    "list": (b"[1, 2]", "a scenario is a mapping"),
+    "list": (b"[1, 2]", "a scenario must be a mapping"),
     "laughs": (LAUGHS.encode(), "with expanded aliases"),
     "itself": (b"&a {title: *a}", "contains it"),
     "deep": (b"title: " + b"[" * 60 + b"]" * 60, "levels"),

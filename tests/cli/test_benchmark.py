@@ -22,7 +22,7 @@ def test_a_small_benchmark_runs_in_processes_and_resumes(tmp_path):
 
 
 @pytest.mark.full
-def test_a_law_in_one_file_enters_and_a_mistake_in_it_is_named_until_it_is_mended(tmp_path, monkeypatch):
+def test_benchmark_accepts_a_user_law_file_and_locates_an_error_in_it(tmp_path, monkeypatch):
     file = tmp_path / "mine.py"
     monkeypatch.chdir(tmp_path)
     command = ("benchmark", "--small", "--tasks", "scara-slow", "--schemes", "pid", "--scheme", "mine:Mine")

@@ -15,7 +15,7 @@ SHORT = ("--set", "simulation.t1=0.5")
 HASTY = ("--set", "scheme.performance.deadline=0.05")
 
 
-def test_json_has_each_scheme_and_the_best():
+def test_compare_json_lists_each_scheme_and_the_best_per_metric():
     answer = answer_of("compare", "example-4.1", "--schemes", "cftsmppc, ftsmc", *SHORT)
     assert (answer["scenario"], answer["robot"], answer["t1"]) == ("example-4.1", "two_link", 0.5)
     assert list(answer["schemes"]) == ["cftsmppc", "ftsmc"]
@@ -25,7 +25,7 @@ def test_json_has_each_scheme_and_the_best():
     assert answer["schemes"]["cftsmppc"]["metrics"] == alone["metrics"]
 
 
-def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
+def test_compare_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
     result = in_process("compare", "example-4.1", "--schemes", "cftsmppc,ftsmc", code=0)
     assert result.stdout.splitlines()[1] == "✓ Both schemes stay inside the envelope."
     lines = [line.strip() for line in result.stdout.splitlines()]
@@ -40,7 +40,7 @@ def test_the_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
 
 
 @pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.full)], ids=["one_run", "each_runs"])
-def test_without_schemes_all_are_compared(each, monkeypatch):
+def test_compare_without_schemes_option_compares_all_built_in_schemes(each, monkeypatch):
     if not each:
         short = scenarios.load("example-4.1", {"simulation.t1": 0.01})
         first = Rival.simulated(short, short, logged=False)
@@ -96,7 +96,7 @@ def test_a_run_that_left_its_envelope_and_returned_does_not_count_as_good():
     assert actual["outcome"] == "recovered" and 0 < actual["stopped"]["back"] < 2
 
 
-def test_the_terminal_shows_the_scheme_that_runs_and_pipes_show_nothing():
+def test_progress_bar_shows_the_running_scheme_on_terminals_only():
     from rich.console import Console
 
     from slidax.cli.common import stage_bar

@@ -58,7 +58,7 @@ def test_a_designed_scenario_runs_and_holds_in_unseen_cases(requirements, tmp_pa
     assert np.all(rows["margin"] > 0) and np.all(rows["steady_torque_step"] < 6)
 
 
-def test_weak_drives_exit_with_4_and_a_reason(requirements, tmp_path):
+def test_design_for_weak_drives_exits_with_4_and_a_remedy(requirements, tmp_path):
     data = YAML(typ="safe").load(REQUIREMENTS)
     data["actuator"]["torque"] = 10
     with requirements.open("w", encoding="utf-8") as file:
@@ -83,7 +83,7 @@ def test_invalid_requirements_exit_with_2(requirements, tmp_path):
     assert "ending .yaml" in done.output
 
 
-def test_a_missing_package_is_reported_before_the_run(requirements, tmp_path, monkeypatch):
+def test_missing_package_is_reported_before_the_design_starts(requirements, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cmaes", None)
     refused = in_process("design", str(requirements), "--out", str(tmp_path / "designed.yaml"), code=2)
     assert "slidax[studies]" in refused.output and "horizon" not in refused.output

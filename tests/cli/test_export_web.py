@@ -14,7 +14,7 @@ def manifest_in(folder):
 
 
 @pytest.mark.full
-def test_a_scenario_becomes_one_page_and_its_content_is_printed(tmp_path):
+def test_web_export_writes_one_page_and_prints_its_contents(tmp_path):
     done = in_process(
         *("export", "web", "example-4.1-1khz", "--with", "printed,slotine_li"),
         *("--set", "simulation.t1=1", "--set", "scheme.surface.k1=0.4", "--out", str(tmp_path / "site")),
@@ -36,7 +36,7 @@ def test_a_scenario_becomes_one_page_and_its_content_is_printed(tmp_path):
 
 
 @pytest.mark.full
-def test_the_page_of_seven_joints_has_choices(tmp_path):
+def test_web_page_of_a_seven_joint_arm_offers_periods_and_delays(tmp_path):
     site = str(tmp_path / "site")
     in_process("export", "web", "panda-payload", "--set", "simulation.t1=0.5", "--out", site, code=0)
     own = manifest_in(tmp_path / "site")["settings"][0]

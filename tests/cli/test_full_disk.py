@@ -47,13 +47,13 @@ def assert_whole(folder, size):
 
 
 @pytest.mark.full
-def test_a_report_on_a_full_disk_is_named(tmp_path):
+def test_report_on_a_full_disk_fails_in_one_line_without_partial_files(tmp_path):
     line = refused(20_000, "run", "example-4.1-1khz", "--set", "simulation.t1=0.1", "--out", str(tmp_path / "out"))
     assert str(tmp_path / "out") in line
     assert_whole(tmp_path, 20_000)
 
 
-def test_a_project_on_a_full_disk_is_named(tmp_path):
+def test_c_project_on_a_full_disk_fails_in_one_line_without_partial_files(tmp_path):
     words = ["export", "c", "example-4.1-1khz", "--out", str(tmp_path / "c"), "--quick"]
     assert "cannot write the project to" in refused(6_000, *words)
     assert_whole(tmp_path, 6_000)
@@ -80,7 +80,7 @@ def test_a_study_on_a_full_disk_reports_saved_rows_and_resumes(tmp_path, monkeyp
     assert read_rows(out)["row"].tolist() == list(range(128))
 
 
-def test_a_full_cache_is_reported_once_and_a_damaged_one_is_emptied(tmp_path, monkeypatch, capsys):
+def test_full_compilation_cache_is_reported_once_and_a_damaged_cache_is_emptied(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = tmp_path / "slidax" / f"xla-{jax.__version__}"
     folder.mkdir(parents=True)

@@ -29,7 +29,7 @@ def test_table_json_and_page_of_a_linearised_loop_agree(tmp_path):
 
 
 @pytest.mark.full
-def test_an_unstable_loop_has_its_own_exit_code():
+def test_unstable_linearised_loop_exits_with_4():
     done = in_process(
         *("linear", "example-4.1-1khz", *STILL, "--at", "0.05", "--set", "scheme.name=pid"),
         *("--set", "scheme.kp=4e6", "--set", "scheme.kd=1", "--set", "simulation.t1=0.05"),

@@ -30,17 +30,17 @@ def test_list_shows_every_built_in_scenario_with_a_line():
         ("performance", "finite_time"),
     ],
 )
-def test_list_shows_the_members_of_a_kind(kind, member):
+def test_list_shows_the_parts_of_each_kind(kind, member):
     assert member in json.loads(in_process("list", kind, "--json").stdout)[kind]
     assert member in in_process("list", kind).stdout and member in in_process("list").stdout
 
 
-def test_h_is_short_for_help_in_every_command():
+def test_h_is_short_for_help_in_commands_and_subcommands():
     for words in ((), ("run",), ("export",), ("export", "c")):
         assert in_process(*words, "-h", code=0).stdout == in_process(*words, "--help", code=0).stdout
 
 
-def test_shell_completes_scenarios(monkeypatch, tmp_path):
+def test_shell_completion_offers_scenario_names_and_files(monkeypatch, tmp_path):
     (tmp_path / "panda-mine.yaml").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert {"panda-mine.yaml", "panda-payload"} <= set(complete_scenarios("panda"))
@@ -64,7 +64,7 @@ def _condensed(text):
 
 
 @pytest.mark.parametrize("command", [(), ("export",), *COMMANDS], ids=lambda words: " ".join(words) or "slidax")
-def test_help_shows_every_word_and_unit_that_was_written(command, monkeypatch):
+def test_help_shows_the_complete_text_including_units(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "400")
     shown = _condensed(in_process(*command, "--help").stdout)
     described = get_command(app)
@@ -78,7 +78,7 @@ def test_help_shows_every_word_and_unit_that_was_written(command, monkeypatch):
 
 
 @pytest.mark.parametrize("command", [(), ("export",), *COMMANDS], ids=lambda words: " ".join(words) or "slidax")
-def test_help_cuts_no_word_at_80_columns(command, monkeypatch):
+def test_help_fits_80_columns_without_truncated_words(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     lines = in_process(*command, "--help").stdout.splitlines()
     assert max(map(len, lines)) <= 80
@@ -107,7 +107,7 @@ def test_schema_prints_the_schema_of_scenario_files():
     assert json.loads(in_process("schema").stdout) == json.loads(json.dumps(scenarios.schema()))
 
 
-def test_ctrl_c_is_one_line_and_the_exit_code_130(monkeypatch, tmp_path):
+def test_ctrl_c_prints_one_line_and_exits_with_130(monkeypatch, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
@@ -117,7 +117,7 @@ def test_ctrl_c_is_one_line_and_the_exit_code_130(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_sentences_wrap_by_words_with_a_hanging_indent_and_whole_commands(width):
+def test_messages_wrap_between_words_with_a_hanging_indent_and_unbroken_commands(width):
     command = "`--set 'scheme.sampled_data.adaptation={kind: joint_learning}'`"
     text = f"1. joint 4: its torque is at its limit in 61 % of the samples. Remedy: {command} (tried, the run holds)."
     lines = wrapped(text, width, margin="  ", hang=3).split("\n")
@@ -126,7 +126,7 @@ def test_sentences_wrap_by_words_with_a_hanging_indent_and_whole_commands(width)
     assert any(command in line for line in lines) and max(len(line) for line in lines if command not in line) <= width
 
 
-def test_a_pipe_gets_sentences_in_one_line(monkeypatch):
+def test_messages_to_a_pipe_are_not_wrapped(monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
     assert columns(io.StringIO()) is None and wrapped(40 * "word ", None) == 40 * "word "
     monkeypatch.setenv("COLUMNS", "72")

@@ -12,7 +12,7 @@ from .commands import in_process
 SMALL_ARM = ROOT / "examples" / "robots" / "small_arm.urdf"
 
 
-def test_a_ready_robot_becomes_a_file_that_is_valid(tmp_path):
+def test_new_writes_a_valid_scenario_of_a_built_in_robot_and_overwrites_no_file(tmp_path):
     out = tmp_path / "mine.yaml"
     in_process("new", "--robot", "panda", "--rate", "500", "--out", str(out), code=0)
     assert scenarios.load(out).period == 0.002
@@ -20,11 +20,11 @@ def test_a_ready_robot_becomes_a_file_that_is_valid(tmp_path):
     assert "exists already" in again.output
 
 
-def test_scenario_without_a_file_is_printed():
+def test_new_without_out_prints_the_scenario():
     assert in_process("new", "--robot", "panda").output.startswith("title: panda")
 
 
-def test_requirements_of_a_file_are_read_by_design_and_cover_the_payload(tmp_path, monkeypatch):
+def test_drafted_requirements_are_readable_by_design_and_cover_the_payload(tmp_path, monkeypatch):
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     arm = SMALL_ARM.read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def test_requirements_of_a_file_are_read_by_design_and_cover_the_payload(tmp_pat
 
 
 @pytest.mark.full
-def test_requirements_of_a_file_become_a_law(tmp_path):
+def test_drafted_requirements_can_be_designed_and_the_law_runs(tmp_path):
     needs, law = tmp_path / "needs.yaml", tmp_path / "law.yaml"
     in_process("new", "--robot", str(SMALL_ARM), "--payload", "0.4", "--requirements", "--out", str(needs), code=0)
     assert "Designed" in in_process("design", str(needs), "--out", str(law), "--runs", "16", code=0).output
@@ -64,7 +64,7 @@ def test_a_mounted_arm_has_its_gravity_in_law_and_simulation(tmp_path):
     in_process("new", "--robot", "ur5e", "--gravity", "0,9.81", code=2)
 
 
-def test_impossible_inertias_are_refused_if_asked(tmp_path):
+def test_impossible_inertias_are_refused_with_strict_and_otherwise_corrected(tmp_path):
     file = tmp_path / "arm.urdf"
     text = SMALL_ARM.read_text(encoding="utf-8")
     file.write_text(re.sub(r'ixx="[^"]*"', 'ixx="100.0"', text, count=2), encoding="utf-8")

@@ -14,7 +14,7 @@ def answered(*arguments, code=0):
     return json.loads(result.stdout)
 
 
-def test_example_4_1_gives_the_known_numbers():
+def test_example_4_1_reproduces_its_reference_metrics():
     answer = answered("example-4.1")
     metrics = answer["metrics"]
     assert answer["outcome"] == "ok" and answer["stopped"] is None
@@ -30,7 +30,7 @@ def test_example_4_1_gives_the_known_numbers():
     assert metrics["envelope_violations"] == 0 and min(metrics["envelope_margin"]) > 0
 
 
-def test_example_4_2_with_its_disturbance_misses_the_printed_numbers():
+def test_example_4_2_reproduces_its_reference_metrics():
     metrics = answered("example-4.2")["metrics"]
     np.testing.assert_allclose(metrics["steady_error"], [5.04e-7, 6.58e-7, 7.80e-7], rtol=0.01)
     np.testing.assert_allclose(metrics["peak_torque"], [9.54, 8.65, 14.43], rtol=0.001)
@@ -96,7 +96,7 @@ def test_a_run_that_ends_outside_its_envelope_exits_with_3_and_reports_no_return
     assert answer["stopped"]["beyond"] > 0 and answer["metrics"]["envelope_violations"] == 101
 
 
-def test_the_table_of_a_run_shows_how_many_samples_were_outside_and_how_smooth_the_torque_was():
+def test_run_table_shows_samples_outside_the_envelope_and_the_steady_torque_step():
     result = in_process("run", "example-4.1-1khz", "--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=4", code=3)
     assert re.search(r"✗ Joint 2 was outside its envelope from the start", result.stdout)
     assert re.search(r"4001 samples, [1-9]\d* outside the envelope", " ".join(result.stdout.split()))
@@ -111,7 +111,7 @@ def test_a_run_prints_its_verdict_before_its_numbers_within_80_columns(monkeypat
     assert "42 % of its bound" in lines[verdict] and max(map(len, lines)) <= 80
 
 
-def test_long_prints_every_metric():
+def test_long_option_also_prints_the_papers_index_sums():
     short, long = (
         in_process("run", "example-4.1", "--set", "simulation.t1=0.01", *form).stdout for form in ((), ("--long",))
     )
@@ -135,18 +135,16 @@ def test_a_warning_of_a_robot_file_is_one_line_and_the_run_goes_on(tmp_path):
     robot = f"robot={{kind: urdf, file: {file}, nominal: {{gravity: [0, -9.8, 0], armature: [5, 5]}}}}"
     result = in_process("run", "example-4.1", "--set", robot, "--set", "simulation.t1=0.01", "--json", code=0)
     assert json.loads(result.stdout)["outcome"] == "ok"
-    message = (
-        f"slidax: warning: {file}: the file gives no limit of effort for shoulder, elbow, or 0 for it; it is taken as"
-    )
-    assert result.stderr == f"{message} infinite\n"
+    message = "the file has no limit of effort for shoulder, elbow, or a limit of 0; such limits are taken as infinite"
+    assert result.stderr == f"slidax: warning: {file}: {message}\n"
 
 
-def test_a_failed_run_whose_outcome_has_a_remedy_gets_no_other_one():
+def test_failed_run_with_a_remedy_in_its_outcome_prints_no_further_diagnosis():
     result = in_process("run", "example-4.1-1khz", "--set", "scheme.sampled_data=null", code=3)
     assert "use its sampled-data form" in " ".join(result.stdout.split()) and result.stderr == ""
 
 
-def test_the_report_of_a_run_that_returned_shows_exit_and_return(tmp_path):
+def test_report_shows_when_a_run_left_and_reentered_its_envelope(tmp_path):
     arguments = ("--set", "start.q=[-0.8,2.9]", "--set", "simulation.t1=1.5", "--out", str(tmp_path))
     in_process("run", "example-4.1-1khz", *arguments, code=3)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")

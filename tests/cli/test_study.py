@@ -65,7 +65,7 @@ def test_invalid_study_commands_are_refused_in_one_line(tmp_path, words, text):
     assert done.stderr.count("\n") == 1 and "Traceback" not in done.output
 
 
-def test_a_sweep_refuses_a_number_of_runs_by_its_name():
+def test_sweep_refuses_the_runs_option():
     sweep = ROOT / "examples" / "studies" / "sweep-payload.yaml"
     done = in_process("study", str(sweep), "--runs", "8", code=2)
     assert "a study of the kind `sweep` has no `runs` to set" in done.stderr

@@ -53,7 +53,7 @@ def test_the_tool_error_is_computed_from_all_samples(file):
     assert tool_error(thinned) == tool_error(run) and tool_turn(thinned) == tool_turn(run)
 
 
-def test_a_run_without_a_tool_has_no_such_metric_and_no_such_cost():
+def test_run_without_a_tool_path_has_no_tool_error():
     run = sx.scenarios.load("example-4.1-1khz", {"simulation.t1": 0.01}).simulate(log_every=None)
     assert run.tally.tool is None and tool_error(run) is None and tool_turn(run) is None
     assert "tool_error" not in sx.analysis.summary(run)

@@ -55,12 +55,12 @@ def test_an_inaccessible_cache_folder_does_not_stop_a_run(levels, monkeypatch, t
     assert llvm.ByDemand(scaled()).kernel(1).quick
 
 
-def test_a_program_that_may_overflow_a_threads_stack_is_optimised(levels, monkeypatch):
+def test_program_too_large_for_a_threads_stack_gets_optimised_code(levels, monkeypatch):
     monkeypatch.setattr(kernel, "STACK_LIMIT", 8)
     assert not llvm.ByDemand(scaled()).kernel(1).quick
 
 
-def test_stack_of_quick_code_is_below_its_estimate(monkeypatch):
+def test_stack_of_unoptimised_code_is_below_its_estimate(monkeypatch):
     programs, init = [], kernel.Kernel.__init__
 
     def noted(self, program, lanes, **how):
@@ -84,7 +84,7 @@ def test_stack_of_quick_code_is_below_its_estimate(monkeypatch):
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("kind", ["f64", "f32"])
 @pytest.mark.parametrize("op", ELEMENTARY)
-def test_a_called_elementary_function_has_the_bits_of_its_expansion(op, kind, lanes):
+def test_called_elementary_function_gives_the_same_bits_as_its_inlined_expansion(op, kind, lanes):
     b = Builder()
     inputs = [b.input(f"x{k}", kind, (), varying=True).item() for k in range(2 if op in ("pow", "atan2") else 1)]
     value = b.apply(op, *inputs, type=kind)
@@ -103,7 +103,7 @@ def test_a_called_elementary_function_has_the_bits_of_its_expansion(op, kind, la
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_runs_with_quick_code_have_the_bits_of_optimised_code(monkeypatch, lanes):
+def test_unoptimised_and_optimised_code_give_bit_identical_runs(monkeypatch, lanes):
     scenario = scenarios.load("example-4.1-1khz")
     starts = scenario.state0.q + jnp.array([[0.0], [1e-3]])
 

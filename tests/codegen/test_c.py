@@ -92,20 +92,20 @@ def in_c(tmp_path_factory):
 
 @needs_a_compiler
 @pytest.mark.parametrize("name", COMPUTED)
-def test_c_computes_what_jax_computes(name, in_c):
+def test_generated_c_agrees_with_jax(name, in_c):
     ours, theirs = in_c
     assert_close(ours[name], theirs[name], rtol=4e-16, atol=0)
 
 
 @needs_a_compiler
 @pytest.mark.parametrize("name", ELEMENTARY)
-def test_elementary_functions_call_the_math_library(name, in_c):
+def test_elementary_functions_in_generated_c_agree_with_jax(name, in_c):
     ours, theirs = in_c
     assert_close(ours[name], theirs[name], rtol=4e-15, atol=0)
 
 
 @pytest.mark.skipif("clang" not in COMPILERS, reason="clang is not installed")
-def test_two_compilers_agree(in_c, tmp_path):
+def test_generated_c_agrees_between_two_compilers(in_c, tmp_path):
     ours, _ = results(CASES, tmp_path, compiler="clang")
     assert_close(ours, in_c[0], rtol=1e-15, atol=0)
 
@@ -128,7 +128,7 @@ def test_the_inverse_error_function_is_accurate_to_both_ends(tmp_path):
 
 
 @needs_a_compiler
-def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
+def test_random_programs_in_c_give_the_same_bits_as_llvm_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
     from slidax.codegen.llvm.vectorise import lower_and_fuse
@@ -146,7 +146,7 @@ def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
 
 
 @needs_a_compiler
-def test_division_of_integers_has_a_result_for_every_pair(tmp_path):
+def test_integer_division_is_defined_for_zero_and_overflow(tmp_path):
     b = Builder()
     n, m = b.input("n", "i32", (4,)), b.input("m", "i32", (4,))
     for op in ("div", "rem"):

@@ -20,7 +20,7 @@ def split(function, *args):
     return "\n".join(first.lines), "\n".join(statements(program, outputs, read, precomputed=places).lines)
 
 
-def test_values_of_parameters_alone_are_precomputed():
+def test_values_that_depend_on_parameters_only_are_precomputed():
     derived, step = split(lambda p, x: jnp.exp(p[0]) * x + p[1] * 2.0, jnp.ones(2), jnp.ones(()))
     assert "exp(p[0])" in derived
     assert "exp" not in step
@@ -34,7 +34,7 @@ def test_cheap_functions_of_stored_values_are_not_stored():
     assert "2.0 * workspace->kept0" in step
 
 
-def test_values_of_parameters_are_precomputed_from_branches_and_loops():
+def test_parameter_values_inside_branches_and_loops_are_precomputed():
     def law(p, x):
         inside = lambda: lax.fori_loop(0, 3, lambda i, a: a * jnp.exp(p[0]), x)  # noqa: E731
         return lax.cond(x > 0.0, inside, lambda: x)
@@ -45,7 +45,7 @@ def test_values_of_parameters_are_precomputed_from_branches_and_loops():
     assert "x[" not in derived
 
 
-def test_a_loop_over_parameters_alone_is_precomputed():
+def test_loop_that_depends_on_parameters_only_is_precomputed():
     law = lambda p, x: x * lax.fori_loop(0, 30, lambda i, a: 0.5 * (a + p[1] / a), p[0])  # noqa: E731
     derived, step = split(law, jnp.ones(2), jnp.ones(()))
     assert "for (" in derived

@@ -95,7 +95,7 @@ def test_every_number_reads_back_to_the_same_bits():
 @pytest.mark.parametrize(
     ("number", "text"), [(1.7e308, "3.4028235e38f"), (-1e-300, "-1.1754944e-38f"), (math.inf, "INFINITY")]
 )
-def test_a_limit_beyond_floats_stays_a_finite_limit(number, text):
+def test_limit_beyond_the_float_range_becomes_the_largest_or_smallest_float(number, text):
     assert Dialect("float").number(number, "f64") == text
 
 
@@ -107,7 +107,7 @@ def test_values_used_once_are_written_inline():
     assert text(b.apply("sin", product), product) == ["const double v1 = a * b;", "y0 = sin(v1);", "y1 = v1;"]
 
 
-def test_no_line_is_too_long_to_read():
+def test_generated_lines_have_at_most_100_characters():
     b = Builder()
     inputs, text = named(b, 8)
     value = inputs[0]

@@ -76,7 +76,7 @@ def test_each_cuda_thread_computes_its_own_run(real, accuracy, tmp_path):
 
 
 @needs_gxx
-def test_random_programs_give_the_same_bits_as_machine_code(tmp_path):
+def test_random_programs_in_cuda_give_the_same_bits_as_llvm_code(tmp_path):
     llvm = pytest.importorskip("slidax.codegen.llvm")
     pytest.importorskip("llvmlite")
     from slidax.codegen.llvm.vectorise import lower_and_fuse

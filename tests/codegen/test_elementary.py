@@ -160,7 +160,7 @@ def assert_alike(result, expected):
     np.testing.assert_allclose(result, expected, rtol=1e-15, atol=1e-323)
 
 
-def test_results_below_the_smallest_normal_number_are_rounded_to_their_spacing():
+def test_subnormal_results_are_accurate_to_their_spacing():
     spacing = 5e-324
     x = linear(-745.2, -708.3)
     assert np.abs(computed("exp", x) - reference("exp", x)).max() <= spacing
@@ -179,7 +179,7 @@ NEAREST += [2.167286360105717e198]
 
 
 @pytest.mark.parametrize("op", ["sin", "cos", "tan"])
-def test_angles_nearest_to_quarter_turns_lose_nothing(op):
+def test_circular_functions_are_accurate_near_multiples_of_a_quarter_turn(op):
     angles = np.array(NEAREST)
     assert ulps(computed(op, angles), reference(op, angles)).max() <= 1.6 + REFERENCE_ULPS
 
@@ -201,7 +201,7 @@ def test_exactly_the_elementary_functions_are_expanded():
 
 
 @needs_a_compiler
-def test_a_c_compiler_gives_the_same_bits(tmp_path):
+def test_expansions_compiled_from_c_give_the_interpreters_bits(tmp_path):
     program = program_of(ELEMENTARY)
     run = compiled(program, tmp_path)
     x = np.stack([np.concatenate([linear(-1, 1, 60), geometric(1e-3, 1e9, 60)]) for _ in range(2)], axis=1)

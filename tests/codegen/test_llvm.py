@@ -71,7 +71,7 @@ NAN, INF = float("nan"), float("inf")
 
 @pytest.mark.parametrize("type", ["f64", "f32"])
 @pytest.mark.parametrize("lanes", LANES)
-def test_the_smaller_and_the_larger_of_nan_and_a_number_are_nan(lanes, type):
+def test_minimum_and_maximum_with_nan_are_nan(lanes, type):
     x, y = np.array([[1.0, 2.0], [NAN, 2.0], [1.0, NAN], [3.0, 2.0], [-INF, NAN]], DTYPES[type]).T.copy()
     for op, compute in (("min", np.minimum), ("max", np.maximum)):
         done = per_run(lambda b, x, y, op=op: b.apply(op, x, y), type, x, y, lanes=lanes)
@@ -94,7 +94,7 @@ def test_a_float_is_rounded_towards_zero_and_saturates_as_integer(lanes):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_no_division_of_integers_is_undefined(lanes):
+def test_integer_division_by_zero_and_overflow_is_defined(lanes):
     least = np.iinfo(np.int64).min
     x, y = np.array([[7, 2], [-7, 2], [7, 0], [least, -1], [least, 0], [5, -3]], np.int64).T.copy()
     quotient = per_run(lambda b, x, y: b.apply("div", x, y), "i64", x, y, lanes=lanes)
@@ -104,7 +104,7 @@ def test_no_division_of_integers_is_undefined(lanes):
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
+def test_shift_by_the_word_length_leaves_zero_or_the_sign(lanes):
     x, by = np.array([[5, 1], [-5, 1], [5, 32], [-5, 31], [-5, 40]], np.int32).T.copy()
     done = [
         per_run(lambda b, x, y, op=op: b.apply(op, x, y, type="i32"), "i32", x, by, lanes=lanes).tolist()
@@ -114,7 +114,7 @@ def test_shifting_out_all_bits_leaves_none_or_the_sign(lanes):
 
 
 @pytest.mark.parametrize("type", ["f64", "f32"])
-def test_functions_without_expansion_are_those_of_the_c_library(type):
+def test_elementary_functions_agree_with_the_c_library_in_both_precisions(type):
     x = np.linspace(-0.9, 0.9, RUNS).astype(DTYPES[type])
     for op in ("tan", "tanh", "erf", "asin"):
         many, single = (per_run(lambda b, x, op=op: b.apply(op, x), type, x, lanes=lanes) for lanes in (8, 1))
@@ -141,7 +141,7 @@ def loop_over_time(b, count, body, *start):
     return b.loop([zero, *start], lambda carried: b.apply("lt", carried[0], last), turn, last)[1:]
 
 
-def test_values_of_time_alone_are_computed_once_for_all_runs():
+def test_values_that_depend_on_time_only_are_computed_once_for_all_runs():
     b = Builder()
     gain, speed = b.input("gain", "f64", (), varying=True).item(), b.input("speed", "f64", ()).item()
     wave = []
@@ -237,7 +237,7 @@ def scaled():
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_one_run_is_called_with_arrays_of_its_own_shapes(lanes):
+def test_single_run_takes_and_returns_arrays_without_a_batch_axis(lanes):
     (y,) = llvm.compile(scaled(), lanes)([np.array([1.0, 2.0]), np.array(3.0)])
     assert y.shape == (2,) and y.tolist() == [3.0, 6.0]
 
@@ -252,7 +252,7 @@ def test_a_batch_does_not_depend_on_threads_or_group_size(runs, lanes):
         np.testing.assert_array_equal(y, 3.0 * x)
 
 
-def test_arrays_that_do_not_fit_are_refused_by_name():
+def test_arrays_of_wrong_shape_or_type_are_refused_by_name():
     kernel = llvm.compile(scaled())
     with pytest.raises(DefinitionError, match=r"`x` must be float64 of shape \[2\]; got float64 of shape \[3\]"):
         kernel([np.zeros(3), np.array(1.0)])

@@ -12,7 +12,7 @@ from slidax.codegen.llvm import machine
 from .test_llvm import scaled
 
 
-def test_the_same_program_is_compiled_once_and_again_if_its_file_is_damaged(folder, compilations):
+def test_program_is_compiled_once_and_again_if_its_cache_file_is_damaged(folder, compilations):
     assert computed(scaled()) == computed(scaled()) == [3.0, 6.0]
     assert len(compilations) == 1
     (kept,) = folder.iterdir()
@@ -24,7 +24,7 @@ def test_the_same_program_is_compiled_once_and_again_if_its_file_is_damaged(fold
     assert len(compilations) == 3
 
 
-def test_a_disk_that_cannot_be_written_does_not_stop_a_run(folder):
+def test_unwritable_cache_folder_does_not_stop_a_run(folder):
     folder.write_text("no folder")
     assert computed(scaled()) == [3.0, 6.0]
 
@@ -58,7 +58,7 @@ def test_the_cache_is_accessible_to_its_owner_alone(folder):
     assert kept.stat().st_mode & 0o777 == 0o600
 
 
-def test_an_open_cache_folder_of_the_user_is_closed_to_others(folder, compilations):
+def test_cache_folder_open_to_others_gets_private_permissions(folder, compilations):
     folder.mkdir(mode=0o700)
     folder.chmod(0o777)
     assert computed(scaled()) == [3.0, 6.0]
@@ -68,7 +68,7 @@ def test_an_open_cache_folder_of_the_user_is_closed_to_others(folder, compilatio
 
 
 @pytest.mark.parametrize("mode", [0o620, 0o602, 0o666])
-def test_a_file_that_others_may_write_is_not_run(folder, compilations, mode):
+def test_cache_file_that_others_may_write_is_not_run(folder, compilations, mode):
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     kept.chmod(mode)
@@ -78,7 +78,7 @@ def test_a_file_that_others_may_write_is_not_run(folder, compilations, mode):
     assert kept.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_folder_of_another_user_is_neither_read_nor_written(folder, compilations, monkeypatch):
+def test_cache_folder_of_another_user_is_neither_read_nor_written(folder, compilations, monkeypatch):
     llvm.compile(scaled())
     before = sorted(folder.iterdir())
     mine = os.getuid()
@@ -90,7 +90,7 @@ def test_a_folder_of_another_user_is_neither_read_nor_written(folder, compilatio
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_file_of_another_user_is_not_run(folder, compilations, monkeypatch):
+def test_cache_file_of_another_user_is_not_run(folder, compilations, monkeypatch):
     llvm.compile(scaled())
     fstat = os.fstat
 
@@ -104,7 +104,7 @@ def test_a_file_of_another_user_is_not_run(folder, compilations, monkeypatch):
     assert len(compilations) == 2
 
 
-def test_no_symbolic_link_is_followed(folder, compilations, tmp_path):
+def test_symbolic_links_in_the_cache_are_not_followed(folder, compilations, tmp_path):
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     elsewhere = tmp_path / "elsewhere.o"

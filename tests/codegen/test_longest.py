@@ -35,7 +35,7 @@ def only_loop(program):
     return next(value for value in program.walk() if isinstance(value, Loop))
 
 
-def test_a_loop_that_counts_up_to_a_constant_has_a_bound():
+def test_loop_that_counts_up_to_a_constant_has_an_iteration_bound():
     program = halving(20)
     assert count_iterations(only_loop(program)) == 20
     assert count_iterations(only_loop(halving(20, start=5))) == 15
@@ -45,7 +45,7 @@ def test_a_loop_that_counts_up_to_a_constant_has_a_bound():
 
 
 @pytest.mark.parametrize("other", [{"step": 2}, {"step": 0}, {"step": -1}, {"compared": "gt"}])
-def test_a_loop_without_a_counter_has_no_bound(other):
+def test_loop_without_a_unit_step_counter_has_no_iteration_bound(other):
     program = halving(20, **other)
     assert count_iterations(only_loop(program)) is None
     assert count_operations(program) is None

@@ -31,7 +31,7 @@ def written(function, *args, **options):
     return text_of(program, [(f"out[{k}]", value) for k, value in enumerate(outputs)], "xyz")
 
 
-def test_one_operation_on_an_array_is_a_loop():
+def test_elementwise_array_expression_becomes_a_c_loop():
     assert written(lambda x, y: jnp.tanh(x) * y + 2.0, jnp.ones(N), jnp.ones(N)) == [
         "for (size_t i = 0; i < 7; ++i) {",
         "out[i] = tanh(x[i]) * y[i] + 2.0;",
@@ -43,7 +43,7 @@ def test_columns_and_reversed_rows_become_index_expressions():
     assert "out[i] = x[3 * i + 1] * y[6 - i];" in written(lambda a, x: a[:, 1] * x[::-1], jnp.ones((N, 3)), jnp.ones(N))
 
 
-def test_recurrences_stay_in_order():
+def test_cumulative_sum_keeps_its_order():
     text = written(lambda x: jnp.cumsum(jnp.sin(x)), jnp.ones(N))
     assert len([line for line in text if line.startswith("for")]) <= 1
     sums = [line for line in text if "sin(" in line]
@@ -64,7 +64,7 @@ def test_a_partial_sum_in_an_array_becomes_a_loop():
     assert text[6:] == ["for (size_t i = 0; i < 7; ++i) {", "out[i] = 2.0 * partial[i];", "}"]
 
 
-def test_a_joint_with_another_formula_stays_in_the_array_of_all():
+def test_joint_with_a_different_formula_stays_in_the_common_array():
     def function(x, y):
         others = jnp.concatenate([jnp.sin(x[:-1]) + y[1:], x[-1:] - y[:1]])
         turned = jnp.tanh(others)
@@ -186,7 +186,7 @@ def test_variables_needed_after_a_block_are_declared_before_it():
     assert texts.index("double s;") < texts.index("{") < texts.index("s = f(a);")
 
 
-def test_result_of_a_call_has_no_name_of_the_c_library():
+def test_variable_for_a_call_result_avoids_names_of_the_c_library():
     def function(x):
         free = _long(x, x)
         return free + _long(free, x)

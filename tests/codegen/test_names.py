@@ -73,7 +73,7 @@ def test_value_has_the_name_that_the_source_gives_it(law, expected):
     assert firm >= expected if law is entries_of_a_list else firm == expected
 
 
-def test_only_the_result_of_a_call_gets_the_name():
+def test_variable_name_belongs_to_the_result_of_a_call_only():
     def law(x):
         rest = jnp.mod(x, 0.3)
         return rest * rest
@@ -109,7 +109,7 @@ def test_unnamed_expressions_are_named_after_their_operands():
     assert "rate" in all_of_them - firm
 
 
-def test_chosen_names_come_first():
+def test_chosen_name_of_a_value_is_used():
     program = trace(lambda x: x * 2.0 + 1.0, X[0])
     value = program.outputs[0].values[0]
     assert Names(program, {value: "tau"}).of(value).text == "tau"
@@ -138,7 +138,7 @@ def test_a_method_without_a_formula_gets_the_comment_of_its_class():
     assert "eq. (20)" in about
 
 
-def test_a_program_without_origins_has_names_for_its_inputs_only():
+def test_program_without_source_locations_names_only_its_inputs():
     program = trace(lambda x: power(x, x) + x, X[0], names=["x"], named=False)
     names = Names(program)
     assert {names.of(value).text for value in program.walk() if names.of(value)} == {"x"}
@@ -176,7 +176,7 @@ def test_formulas_are_written_in_ascii(text, expected):
         ("larger", "larger_"),
     ],
 )
-def test_a_name_is_never_reserved_in_c(name, expected):
+def test_identifiers_avoid_reserved_words_and_library_names_of_c(name, expected):
     assert identifier(name) == expected
 
 

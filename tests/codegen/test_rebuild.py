@@ -89,19 +89,19 @@ REST = -(2.0**-60)  # of the product of the first two, beyond 1; rounding it los
         (lambda b, x, y, z, w: b.apply("sub", b.apply("abs", z), b.apply("mul", x, y)), -REST),
     ],
 )
-def test_a_product_in_a_sum_is_fused(make, expected):
+def test_product_in_a_sum_becomes_a_fused_multiply_add(make, expected):
     program = formula(make)
     assert "fma" in ops(program) and "mul" not in ops(program)
     assert interpreted(program, X)[0] == expected
 
 
-def test_of_two_products_the_later_one_is_fused():
+def test_later_of_two_products_in_a_sum_is_fused():
     program = formula(lambda b, x, y, z, w: b.apply("add", b.apply("mul", z, w), b.apply("mul", x, y)))
     assert sorted(op for op in ops(program) if op in ("mul", "fma")) == ["fma", "mul"]
     assert interpreted(program, np.array([[*X[0, :2], -1.0, 1.0]]))[0] == REST
 
 
-def test_integers_are_not_fused():
+def test_integer_products_are_not_fused():
     b = Builder()
     x = b.input("x", "i64", (3,))
     b.output("y", "i64", np.array(b.apply("add", b.apply("mul", x[0], x[1]), x[2]), object))

@@ -96,7 +96,7 @@ class Joints:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_vectorised_joints_keep_every_bit(seed):
+def test_vectorised_programs_give_the_interpreters_bits(seed):
     joints = Joints(seed)
     program = joints.finish()
     numbers = np.random.default_rng(seed).normal(size=(3, joints.joints))
@@ -172,7 +172,7 @@ def test_dependent_values_do_not_share_a_vector():
     assert not [v for v in vectors_of(program) if v.op == "add"]
 
 
-def test_bundles_with_cyclic_dependencies_are_dissolved():
+def test_programs_with_cyclic_bundle_dependencies_compute_correct_results():
     b = Builder()
     x, y = b.input("x", "f64", (2,)), b.input("y", "f64", (2,))
     p0 = b.apply("mul", x[0], y[0])
@@ -198,7 +198,7 @@ def test_a_vector_that_is_only_unpacked_is_not_built():
     assert tuple(squares) not in bundles.vectors
 
 
-def test_carried_values_of_all_joints_stay_in_one_vector():
+def test_loop_variables_of_all_joints_stay_in_one_vector():
     b = Builder()
     q, dq = b.input("q", "f64", (3,)), b.input("dq", "f64", (3,))
     h = b.input("h", "f64", ()).item()

@@ -108,7 +108,7 @@ ROUNDED = {
 
 
 @pytest.mark.parametrize("name", ROUNDED)
-def test_operations_rounded_repeatedly_differ_in_the_last_digits(name):
+def test_operations_with_repeated_rounding_agree_with_jax_to_3e_15(name):
     function, *args = ROUNDED[name]()
     assert_alike(function, *args, rtol=3e-15)
 
@@ -164,7 +164,7 @@ SOLVED = {
 
 
 @pytest.mark.parametrize("name", SOLVED)
-def test_custom_solvers_of_a_law_are_traced(name):
+def test_custom_solvers_in_traced_functions_agree_with_jax(name):
     function, *args = SOLVED[name]()
     assert_alike(function, *args, rtol=3e-15)
 
@@ -210,7 +210,7 @@ def test_a_while_loop_has_the_iterations_of_jax():
         assert_alike(root, jnp.array(x))
 
 
-def test_loops_nest():
+def test_nested_loops_agree_with_jax():
     def function(x):
         return lax.fori_loop(0, 4, lambda i, c: lax.fori_loop(0, i, lambda j, d: d + i * j, c * 2.0), x)
 

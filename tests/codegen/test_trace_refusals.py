@@ -3,10 +3,12 @@
 import importlib
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 from jax import lax
 
 from slidax.codegen import NoNativeCodeError, builder, trace
+from slidax.codegen.trace import tracing
 
 X = jnp.array([0.3, -1.7, 2.5])
 
@@ -40,7 +42,7 @@ def test_unknown_primitive_is_named_with_its_location_and_an_alternative(primiti
 
 
 @pytest.mark.parametrize("failure", [AssertionError(), KeyError("jaxpr"), MemoryError("many\nlines"), RecursionError()])
-def test_a_failing_rule_is_named_with_its_location_in_one_line(monkeypatch, failure):
+def test_failing_translation_rule_is_reported_with_its_location_in_one_line(monkeypatch, failure):
     def fails(*_):
         raise failure
 
@@ -67,3 +69,12 @@ def test_a_program_with_too_many_values_is_refused_before_memory_is_full(monkeyp
 def test_numbers_of_an_unknown_type_are_refused_by_name():
     with pytest.raises(NoNativeCodeError, match="`position`"):
         trace(lambda x: x, X.astype(jnp.float16), names=("position",))
+
+
+def test_installed_packages_count_as_user_code_inside_the_standard_library_folder(monkeypatch):
+    monkeypatch.setattr(tracing, "STANDARD", "/usr/lib/python3")
+    monkeypatch.setattr(tracing, "INSTALLED", ("/usr/lib/python3/site-packages",))
+    places = {"site-packages/law.py": True, "functools.py": False}
+    for name, own in places.items():
+        assert tracing._is_own(f"/usr/lib/python3/{name}") == own
+    assert not tracing._is_own(np.__file__) and not tracing._is_own(tracing.__file__)

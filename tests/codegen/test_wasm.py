@@ -40,7 +40,7 @@ def test_a_module_exports_one_function_and_describes_its_arguments():
     assert module.outputs == (("f64", 3, False),)
 
 
-def test_each_multiply_add_and_nothing_else_is_found():
+def test_search_detects_each_multiply_add_and_nothing_else():
     module = wasm_module(PROGRAM)
     multiply_adds = {start + at for start, body in bodies(module.bytes) for at in find_multiply_adds(body)}
     first, last = module.code

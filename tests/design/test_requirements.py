@@ -33,7 +33,7 @@ def changed(folder: Path, **changes: Any) -> Path:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trajectory": None}, "needs either `trajectory` or `workspace`"),
+        ({"trajectory": None}, "the requirements need either `trajectory` or `workspace`"),
         ({"requirement": {}}, "unknown key `requirement`; did you mean `requirements`"),
         ({"requirements": {"accuracy": -1}}, "requirements.accuracy: must be > 0, or `best`"),
         (
@@ -78,7 +78,7 @@ def test_without_a_start_the_arm_begins_on_its_motion(tmp_path):
 
 def test_a_workspace_of_an_arm_without_limits_needs_its_range(tmp_path):
     path = changed(tmp_path, trajectory=None, workspace={"speed": 1.0, "acceleration": 1.0})
-    with pytest.raises(DefinitionError, match=r"workspace\.q: this robot has no limits of its own"):
+    with pytest.raises(DefinitionError, match=r"workspace\.q: this robot has no position limits"):
         read_problem(path).blocks()
 
 

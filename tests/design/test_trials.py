@@ -125,5 +125,6 @@ def test_a_joint_beyond_the_loop_rate_rule_is_named_with_disturbance_and_limit(t
     assert not wide.beyond and wide.in_words() == "" and (wide.missed > 0.0).all()
     narrow = error_in_cases(trials, replace(first, final=np.array([1e-7, 0.05])))
     np.testing.assert_allclose(narrow.allowed[0], 0.9e-7 / first.horizon**2)
-    assert narrow.beyond[0] == 0 and "`joint 1` misses" in narrow.in_words() and "(rule: " in narrow.in_words()
+    assert narrow.beyond[0] == 0 and "`joint 1` has an estimation error" in narrow.in_words()
+    assert "(limit: " in narrow.in_words()
     assert set(narrow.as_json()) == {"joint 1", "joint 2"}

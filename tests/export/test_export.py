@@ -265,7 +265,7 @@ def test_the_same_export_twice_is_the_same_text(doubles, tmp_path):
 
 @pytest.mark.parametrize("name", ["3arm", "Arm", "a-b", "", "x" * 41])
 def test_a_name_that_is_invalid_in_c_is_refused(name, tmp_path):
-    with pytest.raises(DefinitionError, match="is not a name in C"):
+    with pytest.raises(DefinitionError, match="cannot be the law's name in C"):
         export_c(load("example-4.1"), tmp_path, name=name)
 
 

@@ -214,7 +214,7 @@ class SignalsAWord(Wrong):
 REMEDIES = {
     Assigns: "`x = x.at[i].set(value)`",
     KeepsInItself: "keep what changes in the memory",
-    KeepsOutside: "a number that Python draws or keeps stays in it",
+    KeepsOutside: "a compiled law keeps its first value",
     Prints: "jax.debug.print",
     Misspells: "no attribute 'gain'",
     HasAnotherShape: "got (3,) and (2,)",

@@ -223,7 +223,7 @@ def test_columns_of_commands_are_not_taken_for_measured_ones(tmp_path, prefix):
 def test_commanded_velocities_are_left_out(tmp_path):
     titles = ["time", *PLAIN[1:4], *numbered("dq", "cmd.{word}[{k}]", 0), *PLAIN[4:]]
     log = read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q, DQ, TAU])), ARM)
-    assert log.dq is None and log.notes == ("`cmd.dq` was not measured: it is left out",)
+    assert log.dq is None and log.notes == ("`cmd.dq` is a command, not a measurement: it is left out",)
 
 
 def test_two_columns_of_one_joint_are_not_guessed(tmp_path):

@@ -274,7 +274,7 @@ def test_gravity_that_a_log_cannot_show_is_refused(arm, conventions, words):
 
 def test_the_message_about_a_mounted_arm_names_the_option_that_finds_its_gravity():
     log = log_of(0, in_gravity(arm_with_drives("three_link"), [0.0, 6.94, -6.94]))
-    with pytest.raises(DefinitionError, match=r"`--gravity identify` finds with an interval: `--gravity -?\d"):
+    with pytest.raises(DefinitionError, match=r"`--gravity identify` estimates with an interval: `--gravity -?\d"):
         identify(log, known_arm())
 
 

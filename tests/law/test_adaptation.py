@@ -43,14 +43,14 @@ def test_a_wrong_rotor_inertia_is_corrected_within_a_tenth_of_a_second():
     np.testing.assert_allclose(learnt.rotor[100], TRUE, rtol=0.25)
 
 
-def test_links_that_are_lighter_than_the_model_give_a_negative_rotor():
+def test_links_lighter_than_the_model_give_a_negative_rotor_inertia():
     torque = swept(1.0)
     q, dq = motion(torque, 0.0, 0.0, links=np.array([[0.35, 0.08], [0.08, 0.02]]))
     _, learnt = taught(learning(rotor_min=0.0, rotor=0.01), rounded(q), dq, torque)
     np.testing.assert_allclose(learnt.rotor[-1, 0], -0.15, rtol=0.2)
 
 
-def test_the_weight_of_a_swinging_payload_changes_no_estimate():
+def test_unmodelled_weight_of_a_swinging_payload_does_not_bias_the_rotor_inertia():
     t = np.arange(4000) * PERIOD
     # The arm follows 2 rad/s, and the weight that nobody knows changes with it: it looks like negative inertia.
     q = np.stack([0.4 * np.sin(2.0 * t), 0.3 * np.sin(2.0 * t)], axis=1)
@@ -86,7 +86,7 @@ def test_coarse_encoders_do_not_bias_the_inertia_to_zero():
     assert np.any(np.asarray(drawn.rotor[-1]) < 0.6 * TRUE)
 
 
-def test_lost_samples_do_not_falsify_the_estimates():
+def test_rotor_inertia_is_learnt_despite_lost_samples():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, 0.0)
     arrives = np.ones(len(q), bool)
@@ -98,7 +98,7 @@ def test_lost_samples_do_not_falsify_the_estimates():
     np.testing.assert_allclose(learnt.rotor[-1], TRUE, rtol=0.35)
 
 
-def test_the_first_guess_is_the_models_rotors_or_two_thousandths_of_the_rated_torque():
+def test_initial_rotor_inertia_is_the_models_or_0_002_times_the_rated_torque():
     np.testing.assert_allclose(learning().rotor, [0.2, 0.024])
     known = JointLearning.of_arm(rotors=[0.3, 0.0], **RATED)
     np.testing.assert_allclose(known.rotor, [0.3, 0.024])
@@ -110,7 +110,7 @@ def test_the_first_guess_is_the_models_rotors_or_two_thousandths_of_the_rated_to
 
 
 @pytest.mark.parametrize("high", [80.0, 200.0])
-def test_the_noise_in_the_band_agrees_with_a_simulation(high):
+def test_computed_noise_in_the_pass_band_agrees_with_a_simulation(high):
     deviation = 1e-4
     white = np.random.default_rng(5).normal(0.0, deviation, (40, 500, 2))
     adaptation = eqx.tree_at(lambda a: a.high, learning(), jnp.asarray(high))
@@ -158,7 +158,7 @@ def simulated(name: str, nominal: float, true: float, **changes: Any) -> Run:
 
 
 @pytest.mark.parametrize(("name", "nominal", "true"), cells())
-def test_with_any_rotors_the_learning_law_is_as_accurate_as_with_the_known_arm(name, nominal, true):
+def test_learning_law_is_nearly_as_accurate_as_the_known_arm_for_all_rotor_inertias(name, nominal, true):
     run = simulated(name, nominal, true)
     assert analysis.envelope_violations(run) == 0
     assert np.max(analysis.steady_error(run)) <= 1.2 * KNOWN[name][true]
@@ -168,7 +168,7 @@ def test_with_any_rotors_the_learning_law_is_as_accurate_as_with_the_known_arm(n
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "changes"), HARDER)
 @pytest.mark.parametrize(("nominal", "true"), CORNERS)
-def test_with_delay_coarse_encoders_payloads_and_contact_the_envelope_holds(name, changes, nominal, true):
+def test_envelope_holds_with_delay_coarse_encoders_payloads_or_contact(name, changes, nominal, true):
     # docs/learning.md has this one as the one that is left, at a reversal.
     left = 5 if (name, changes, nominal, true) == (UR5E, {"sensor.delay": 3}, 0.1, 0.03) else 0
     assert analysis.envelope_violations(simulated(name, nominal, true, **changes)) <= left
@@ -178,7 +178,7 @@ def test_with_delay_coarse_encoders_payloads_and_contact_the_envelope_holds(name
 @pytest.mark.parametrize("name", [PANDA, UR5E])
 @pytest.mark.parametrize("true", [0.005, 0.5, 1.0])
 @pytest.mark.parametrize("nominal", NOMINAL)
-def test_with_unusual_rotors_the_envelope_holds(name, true, nominal):
+def test_envelope_holds_with_very_small_or_large_rotor_inertias(name, true, nominal):
     # docs/learning.md tells why this one leaves, and what keeps it inside.
     beyond = (name, true, nominal) == (UR5E, 0.005, 0.2)
     changes = {"scheme.sampled_data.gate.speed": 25.0} if beyond else {}
@@ -187,7 +187,7 @@ def test_with_unusual_rotors_the_envelope_holds(name, true, nominal):
         assert simulated(name, nominal, true).outcome.kind == "left_envelope"
 
 
-def test_without_learning_a_plain_urdfs_arm_leaves_its_envelope():
+def test_an_arm_without_rotor_inertia_in_its_model_leaves_its_envelope_without_learning():
     run = simulated(PANDA, 0.0, 0.1, **{"scheme.sampled_data.adaptation": None})
     assert analysis.envelope_violations(run) > 1000
 

@@ -85,7 +85,7 @@ def calm_memory(step, decide):
     return eqx.tree_at(lambda memory: memory.usual, memory, still + 20.0)
 
 
-def test_without_an_error_the_torque_stands_but_for_the_disturbances_change(step, decide, calm_memory):
+def test_calm_step_without_an_error_answers_only_to_a_change_of_the_disturbance(step, decide, calm_memory):
     still, change = jnp.zeros(2), jnp.array([0.3, -0.2])
     decision = decide(moment_of(step, still, still, change), calm_memory)
     k3 = gains(decision.signals["bandwidth"], jnp.asarray(H))[2]
@@ -111,7 +111,7 @@ def test_a_calm_step_aims_inside_the_envelope_for_any_state(step, decide, calm_m
 
 
 @pytest.mark.parametrize("change", ["far", "lost", "new", "unsettled", "sudden"])
-def test_the_laws_own_step_decides_outside_of_the_calm_region(step, decide, calm_memory, change):
+def test_the_underlying_step_replaces_calm_steps_outside_the_calm_region(step, decide, calm_memory, change):
     still = jnp.zeros(2)
     far = jnp.array([0.05, 0.0]) if change == "far" else still
     memory = calm_memory
@@ -135,7 +135,7 @@ def test_the_bandwidth_grows_while_the_error_is_large_and_falls_again(step, deci
     assert 1.0 < back.pace[0] < memory.pace[0]
 
 
-def test_calm_steps_hold_the_envelope_with_less_torque_noise(run):
+def test_calm_steps_hold_the_envelope_with_half_the_torque_noise(run):
     own = load("example-4.1-1khz", {"simulation.t1": 4.0}).simulate()
     late = np.asarray(run.log.t) > 2.5
 
@@ -149,7 +149,7 @@ def test_calm_steps_hold_the_envelope_with_less_torque_noise(run):
     assert noise(run.log) < 0.5 * noise(own.log)
 
 
-def test_true_and_false_are_the_defaults_and_none():
+def test_calm_true_gives_the_default_calm_step_and_false_gives_no_calm_step():
     assert isinstance(load("example-4.1-1khz", CALM).controller.step, CalmStep)
     assert not isinstance(load("example-4.1-1khz", {"scheme.sampled_data.calm": False}).controller.step, CalmStep)
 
@@ -166,12 +166,12 @@ def test_certificates_name_calm_steps_as_not_covered(scenario):
     assert "leave `scheme.sampled_data.calm` out" in linear_loops(scenario)
 
 
-def test_settings_must_fit_the_joints():
+def test_calm_settings_for_another_number_of_joints_are_refused():
     with pytest.raises(DefinitionError, match="2 joints"):
         CalmStep(load("example-4.1-1khz").controller.step, Calm(bandwidth=jnp.ones(3)))
 
 
-def test_super_twisting_in_an_envelope_takes_calm_steps():
+def test_super_twisting_in_an_envelope_can_have_calm_steps():
     law = load("example-4.1-1khz").controller
     twisting = sx.law.super_twisting(law.nominal, transformation=law.step.transformation)
     sampled = sx.law.sampled_data(twisting, period=H, calm=Calm())

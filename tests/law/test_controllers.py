@@ -47,7 +47,7 @@ def power(reaching, s):
 
 
 @every("case", SLIDING, full=CONTROLLERS_LIKE_OTHERS)
-def test_with_the_exact_model_the_surface_follows_its_reaching_law(case):
+def test_sliding_variable_obeys_the_reaching_law_with_the_exact_model(case):
     """(54): `M ṡ = -K0 Sig^r(s) - u s/(‖s‖ + s0)`, or with the powers of [24]; ṡ is taken along the true motion."""
     controller, robot, trajectory, start, _ = exact(case)
     memory = controller.init(jnp.zeros(()), start, trajectory.reference(jnp.zeros(())))
@@ -78,7 +78,7 @@ def test_with_the_exact_model_the_surface_follows_its_reaching_law(case):
         np.testing.assert_allclose(left, right, rtol=0, atol=1e-10 * scale)
 
 
-def test_signals_are_returned_by_name():
+def test_sliding_mode_signals_have_their_names_and_shapes():
     case = dict(CONTROLLERS)["cftsmppc_4_1"]
     reference = case.trajectory.reference(jnp.zeros(()))
     memory = case.controller.init(jnp.zeros(()), case.start, reference)
@@ -109,7 +109,7 @@ def test_joint_pid_agrees_with_its_equations():
     np.testing.assert_allclose(heavy.tau - answer.tau, 0.5 * TWO_LINK_NOMINAL.gravity(q), rtol=1e-12)
 
 
-def test_beyond_the_torque_limit_the_joints_integral_stops_unless_it_decreases_the_torque():
+def test_joint_integral_stops_beyond_the_torque_limit_unless_it_reduces_the_torque():
     law = pid_4_1(kp=KP, ki=KI, kd=KD, limit=[10.0, 100.0])
     e = jnp.array([0.1, 0.1])
     np.testing.assert_array_equal(pid_command(law, e, jnp.zeros(2), [0.0, 0.0]).rate, [0.0, 0.1])
@@ -118,7 +118,7 @@ def test_beyond_the_torque_limit_the_joints_integral_stops_unless_it_decreases_t
 
 
 @pytest.mark.parametrize("sampled", [None, {}], ids=["as printed", "sampled-data"])
-def test_joint_pid_does_not_overshoot_after_a_long_saturation(sampled):
+def test_anti_windup_more_than_halves_the_overshoot_after_a_long_saturation(sampled):
     """1 rad away, with drives of 12 N m for an arm that takes 8 N m s² to speed up a radian: a second at the limit."""
     changes = {
         "scheme.name": "pid",
@@ -162,7 +162,7 @@ def command(controller, t, e0, state, reference):
 
 @pytest.mark.parametrize("layer", [0.0, 0.05])
 @pytest.mark.parametrize(("law", "gains", "matrices"), LAWS)
-def test_the_torque_is_the_printed_one_at_random_states_inside_the_envelope(law, gains, matrices, layer):
+def test_the_torque_agrees_with_the_papers_equations_at_random_states_in_the_envelope(law, gains, matrices, layer):
     controller, gains = law(layer=layer), gains._replace(s0=layer)
     rng = np.random.default_rng(0)
     n = len(gains.T)
@@ -220,7 +220,7 @@ def test_a_full_reaching_gain_multiplies_as_a_matrix():
     np.testing.assert_allclose(full.tau - diagonal.tau, expected, rtol=1e-10, atol=1e-12)
 
 
-def test_the_law_works_with_any_performance_function():
+def test_the_law_takes_its_envelope_from_an_exponential_performance_function():
     controller = law_4_1(performance=Exponential([0.8, 0.6], 0.002, 1.0))
     memory = controller.init(jnp.zeros(()), State(q=jnp.ones(2), dq=jnp.ones(2)), Reference(*jnp.zeros((3, 2))))
     envelope = controller.envelope(jnp.asarray(1.0), memory)
@@ -274,7 +274,7 @@ def test_torques_of_terminal_schemes_agree_with_their_equations(law, transcripti
         agree(answer.tau, tau, tau)
 
 
-def test_ftsmppc_is_the_printed_law_with_the_older_power(monkeypatch):
+def test_ftsmppc_differs_from_the_printed_law_only_by_its_linear_core(monkeypatch):
     """Outside the core the two powers are one; inside, the transcription's cubic becomes a straight line."""
     rng = np.random.default_rng(0)
     zero = jnp.zeros(())
@@ -349,7 +349,7 @@ ENVELOPED = [
 
 
 @pytest.mark.parametrize(("controller", "trajectory", "start"), ENVELOPED)
-def test_inside_an_envelope_the_equivalent_control_holds_the_surface(controller, trajectory, start):
+def test_equivalent_control_in_an_envelope_holds_the_sliding_surface(controller, trajectory, start):
     """On the surface, where the robust parts are zero, the law makes `ṡ = 0` on the exact arm; ṡ along the motion."""
     memory = controller.init(jnp.zeros(()), start, trajectory.reference(jnp.zeros(())))
     arm = controller.nominal

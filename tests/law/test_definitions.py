@@ -107,7 +107,7 @@ WRONG = [
     WRONG,
     ids=[f"{make.__name__}-{field}={value}" for make, field, value, _, _ in WRONG],
 )
-def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field, value, rule, got):
+def test_parameter_error_names_field_rule_value_and_joint(make, field, value, rule, got):
     with pytest.raises(DefinitionError) as refused:
         make(**{field: value})
     message = str(refused.value)
@@ -175,6 +175,6 @@ def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
         sampled_data(Blind(), period=1e-3)
 
 
-def test_an_estimator_for_other_joints_is_refused():
+def test_an_estimator_for_another_number_of_joints_is_refused():
     with pytest.raises(DefinitionError, match="`Measured` does not fit the 2 joints of TwoLink"):
         sampled_data(law_4_1(), period=1e-3, estimator=Measured([0.1, 0.2, 0.3]))

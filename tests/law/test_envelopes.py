@@ -76,7 +76,7 @@ def test_the_finite_time_function_solves_its_differential_equation():
         assert float(rate) == pytest.approx(-0.5 * (float(rho) - 0.002) ** 0.6, rel=1e-9)
 
 
-def test_the_finite_time_function_settles_at_its_deadline_which_grows_with_the_start():
+def test_the_finite_time_function_settles_at_its_deadline_which_grows_with_the_initial_radius():
     near, far = FiniteTime(0.8, 0.002, 0.5, 0.6), FiniteTime(8.0, 0.002, 0.5, 0.6)
     assert float(near.deadline) < float(far.deadline)
     for performance in (near, far):

@@ -106,7 +106,7 @@ def test_psi_inverse_is_nan_outside_its_bounds():
 @pytest.mark.parametrize(
     ("e", "lower", "upper"), [(0.3, -0.2, 1.0), (-0.3, -1.0, 0.2), (0.0, -0.2, 1.0)], ids=["above", "below", "zero"]
 )
-def test_the_wide_side_of_the_envelope_is_that_of_the_initial_error(e, lower, upper):
+def test_the_envelope_is_wide_on_the_side_of_the_initial_error(e, lower, upper):
     memory = PrescribedPerformance(ENVELOPE_4_1, 0.2).init(jnp.asarray(0.0), jnp.array([e, e]))
     np.testing.assert_array_equal(memory.lower, [lower, lower])
     np.testing.assert_array_equal(memory.upper, [upper, upper])
@@ -148,7 +148,7 @@ def transform(t, e, de):
     return transformation(t, e, de, memory)
 
 
-def test_without_a_constraint_error_and_rate_are_unchanged_and_there_is_no_envelope():
+def test_unconstrained_transformation_leaves_errors_unchanged_and_has_no_envelope():
     transformation = Unconstrained()
     e, de = jnp.array([0.3, -0.2]), jnp.array([1.0, 0.0])
     memory = transformation.init(jnp.zeros(()), e)

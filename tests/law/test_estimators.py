@@ -31,7 +31,7 @@ def test_the_velocity_prediction_error_drives_the_disturbance_estimate():
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.5, 1.0])
-def test_disturbance_estimate_is_corrected_by_a_share_of_its_error(gain):
+def test_disturbance_estimate_converges_geometrically_at_its_gain(gain):
     estimate = np.asarray(followed(Measured(gain), accelerated(jnp.asarray(PUSH)), 30).disturbance)
     left = (1 - gain) ** np.arange(1, 31)
     np.testing.assert_allclose(estimate, PUSH * (1 - left[:, None]), atol=1e-9)
@@ -76,7 +76,7 @@ def test_lead_changes_the_reported_disturbance_but_not_the_memory():
     assert np.abs(pushes[1] - pushes[0]).max() > 0.01
 
 
-def test_the_trend_gain_is_limited_by_stability():
+def test_trend_gains_are_refused_exactly_where_they_are_unstable():
     for gain in np.linspace(0.0, 1.0, 11):
         for share in np.linspace(0.02, 0.98, 13):
             for trend, stable in ((share * (4 - 2 * gain), True), ((1 + share) * (4 - 2 * gain), False)):
@@ -91,7 +91,7 @@ def test_the_trend_gain_is_limited_by_stability():
 
 
 @pytest.mark.parametrize(("cutoff", "gain"), [(50.0, 0.25), (300.0, 0.5), (5000.0, 1.0)])
-def test_the_errors_of_the_filter_follow_the_derived_recursion(cutoff, gain):
+def test_filtered_difference_errors_follow_the_derived_recursion(cutoff, gain):
     estimate = followed(FilteredDifference(cutoff, gain), accelerated(jnp.asarray(PUSH)), 60)
     error = np.stack([np.zeros(2), PUSH * 1e-3])
     for k in range(60):
@@ -101,14 +101,14 @@ def test_the_errors_of_the_filter_follow_the_derived_recursion(cutoff, gain):
         np.testing.assert_allclose(estimate.disturbance[k], PUSH - error[1] / 1e-3, atol=1e-7)
 
 
-def test_the_errors_of_the_filter_decay_for_every_cutoff_period_and_gain():
+def test_filtered_difference_errors_decay_for_every_cutoff_period_and_gain():
     for share in np.linspace(0.001, 0.999, 40):
         for gain in np.linspace(0.01, 1.0, 20):
             decay = errors_decay(-np.log(1 - share), gain, 1.0)
             assert np.max(np.abs(np.linalg.eigvals(decay))) < 1.0
 
 
-def test_a_gain_of_a_quarter_damps_critically():
+def test_filtered_difference_is_critically_damped_at_a_gain_of_a_quarter():
     """The two rates are equal, and about half the cutoff."""
     rates = np.log(np.linalg.eigvals(errors_decay(10.0, 0.25, 1e-4)).astype(complex)) / 1e-4
     np.testing.assert_allclose(rates, -5.0, atol=0.2)
@@ -116,7 +116,7 @@ def test_a_gain_of_a_quarter_damps_critically():
     np.testing.assert_allclose(-damped.real / np.abs(damped), 1 / (2 * np.sqrt(0.5)), rtol=1e-3)
 
 
-def test_a_lower_cutoff_lets_less_noise_through():
+def test_filtered_difference_with_a_lower_cutoff_passes_less_noise():
     noise = jnp.asarray(np.random.default_rng(0).normal(size=(4000, 2)) * 1e-5)
 
     def spread(cutoff):
@@ -126,7 +126,7 @@ def test_a_lower_cutoff_lets_less_noise_through():
     assert spread(50.0) < 0.4 * spread(300.0) < 0.4 * spread(2000.0)
 
 
-def test_the_filter_has_no_lag_for_motion_in_its_model():
+def test_filtered_difference_has_no_lag_under_a_known_disturbance():
     """With the disturbance known from the start, a strong acceleration leaves no error, however low the cutoff."""
     estimate = followed(FilteredDifference(1.0, 0.0), accelerated(jnp.array([7.0, 7.0])), 500, disturbance=7.0)
     right = np.array([1.0, -2.0]) + 7.0 * np.arange(1, 501)[:, None] * 1e-3
@@ -166,7 +166,7 @@ def step(lipschitz, residual, period=1e-3):
     return float(estimate.state.q[0]), float(estimate.state.dq[0]), float(estimate.disturbance[0])
 
 
-def test_the_root_solves_its_cubic_to_rounding_over_all_sizes():
+def test_differentiator_root_solves_its_cubic_to_rounding():
     rest = np.logspace(-300, 290, 3001)
     y = np.asarray(_root(jnp.asarray(rest)))
     np.testing.assert_allclose(y**3 + L0 * y**2 + L1 * y, rest, rtol=1e-14)
@@ -176,7 +176,7 @@ def test_the_root_solves_its_cubic_to_rounding_over_all_sizes():
 @pytest.mark.parametrize("residual", [1e-9, -3e-9, 1e-8, 1e-6, -1e-4, 1e-2, 3.0, -1e5])
 @pytest.mark.parametrize("lipschitz", [1.0, 30.0])
 @pytest.mark.parametrize("h", [1e-3, 1e-2])
-def test_a_step_is_implicit_euler_on_levants_differentiator(residual, lipschitz, h):
+def test_differentiator_step_is_implicit_euler_on_levants_differentiator(residual, lipschitz, h):
     """In Euler's own states, whose velocity is half a period behind: z0 = q, z1 = dq - h/2 ŵ, z2 = ŵ."""
     q, dq, disturbance = step(lipschitz, residual, h)
     z0, z1, z2 = q, dq - h / 2 * disturbance, disturbance
@@ -255,7 +255,7 @@ def test_a_disturbance_of_bounded_rate_is_estimated_up_to_the_sampling_error(lip
     np.testing.assert_allclose(np.log2(np.array(errors[0]) / errors[1]), [2.0, 1.0], atol=0.01)
 
 
-def test_noise_has_a_bounded_effect_that_shrinks_with_the_bound():
+def test_noise_error_is_bounded_and_smaller_for_a_lower_lipschitz_bound():
     """Levant's accuracy: errors of the velocity as the power 2/3 of the noise, of the disturbance as the power 1/3."""
     rng = np.random.default_rng(0)
     rough, errors = jnp.asarray(rng.uniform(-1.0, 1.0, (8000, 2))), []
@@ -271,6 +271,6 @@ def test_noise_has_a_bounded_effect_that_shrinks_with_the_bound():
 
 
 @pytest.mark.parametrize("value", [0.0, [1.0, -1.0], float("inf")])
-def test_an_impossible_bound_is_refused(value):
+def test_a_lipschitz_bound_that_is_not_positive_and_finite_is_refused(value):
     with pytest.raises(DefinitionError, match=r"`RobustDifferentiator\.lipschitz` must be > 0"):
         RobustDifferentiator(value)

@@ -49,7 +49,7 @@ def test_the_steady_gains_agree_with_a_general_riccati_solver(period):
     np.testing.assert_allclose(gains, np.transpose(wanted), rtol=1e-8)
 
 
-def test_the_steady_gains_are_the_limit_of_the_filter():
+def test_the_steady_gains_are_the_limit_of_the_covariance_recursion():
     """By the filter's own recursion, from a start that knows nothing."""
     density, variance, period = 10.0, 1e-10 / 12, 1e-3
     moved, drift = system(density, period)
@@ -70,12 +70,12 @@ def test_the_filter_is_stable_for_any_bandwidth(power):
     assert np.all(np.isfinite(gains)) and np.all(gains > 0) and np.max(np.abs(np.linalg.eigvals(errors))) < 1.0
 
 
-def test_a_filter_without_noise_forgets_the_prediction_of_the_position():
+def test_position_gain_is_1_where_measurement_noise_is_negligible():
     gains = np.asarray(Kalman.steady(density=1e20, variance=1.0, period=1.0).gains)
     np.testing.assert_allclose(gains[0], 1.0, rtol=1e-12)
 
 
-def test_gains_per_joint_are_those_of_each_joint():
+def test_gains_of_several_joints_equal_those_of_single_joint_filters():
     density, variance = [1.0, 1e3], [1e-10, 1e-12]
     both = np.asarray(Kalman.steady(density=density, variance=variance, period=1e-3).gains)
     assert both.shape == (3, 2)
@@ -109,7 +109,7 @@ def test_a_residual_corrects_the_estimate_by_the_gains():
     np.testing.assert_allclose(estimate.disturbance, [11.0, -59.0], rtol=1e-12)
 
 
-def test_no_scaled_gains_estimate_a_drifting_disturbance_better():
+def test_scaled_steady_gains_estimate_a_drifting_disturbance_less_accurately():
     """With the very noise that they were made for."""
     density, deviation, period, samples = 4.0, 1e-5, 1e-3, 20_000
     rng = np.random.default_rng(0)
@@ -138,7 +138,7 @@ def test_no_scaled_gains_estimate_a_drifting_disturbance_better():
 
 
 @pytest.mark.parametrize("gains", [[1.0, 2.0], [[1.0, 2.0, 3.0]], 1.0, [[[1.0]], [[1.0]], [[1.0]]], [0.5, -1.0, 2.0]])
-def test_gains_of_another_shape_or_sign_are_refused(gains):
+def test_gains_of_wrong_shape_or_sign_are_refused(gains):
     rule = ">= 0" if np.shape(gains) == (3,) else "three numbers or three per joint; got shape"
     with pytest.raises(DefinitionError, match=rf"`Kalman\.gains` must be {rule}"):
         Kalman(gains)
@@ -146,7 +146,7 @@ def test_gains_of_another_shape_or_sign_are_refused(gains):
 
 @pytest.mark.parametrize("field", ["density", "variance", "period"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_impossible_noise_is_refused(field, value):
+def test_noise_and_period_that_are_not_positive_and_finite_are_refused(field, value):
     with pytest.raises(DefinitionError, match=f"`{field}` of a Kalman filter must be > 0"):
         Kalman.steady(**({"density": 1.0, "variance": 1e-10, "period": 1e-3} | {field: value}))
 
@@ -155,7 +155,7 @@ MASS = jnp.array([[4.0, 1.5], [1.5, 2.0]])
 
 
 @pytest.mark.parametrize("torque_density", [0.3, [0.3, 0.7]])
-def test_equal_torque_drift_gives_each_joint_gains_by_its_inertia(torque_density):
+def test_gains_of_an_arm_follow_from_torque_drift_and_joint_inertia(torque_density):
     """A torque on a joint of inertia M is an acceleration of 1/M, and a density is that of its square."""
     kalman = Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=torque_density)
     by_hand = np.broadcast_to(torque_density, 2) / np.array([16.0, 4.0])
@@ -171,7 +171,7 @@ def test_the_default_torque_drift_is_0_2_newton_metres_in_a_second():
 
 
 @pytest.mark.parametrize("value", [0.0, [0.1, -1.0], float("nan"), float("inf")])
-def test_an_impossible_torque_drift_is_refused(value):
+def test_a_torque_drift_that_is_not_positive_and_finite_is_refused(value):
     with pytest.raises(DefinitionError, match=r"`torque_density` of a Kalman filter must be > 0 \(N m/s\)² s"):
         Kalman.of_arm(MASS, variance=1e-11, period=1e-3, torque_density=value)
 
@@ -187,7 +187,7 @@ def test_after_a_long_gap_the_velocity_is_exact_for_a_constant_disturbance_error
     np.testing.assert_array_equal(estimate.state.q, measured.q)
 
 
-def test_after_a_short_gap_the_filter_corrects_as_usual():
+def test_after_a_short_gap_the_velocity_correction_is_unchanged():
     kalman = Kalman.steady(density=1e-3, variance=1e-11, period=1e-3)
     measured = State(q=jnp.full(2, 1e-5), dq=jnp.zeros(2))
     prior = Estimate(state=State(q=jnp.zeros(2), dq=jnp.zeros(2)), disturbance=jnp.zeros(2))
@@ -274,7 +274,7 @@ def usual_change(innovation, inertia=1.0):
     return corrected(filter_of(inertia, 1e-5), innovation)[0]
 
 
-def test_small_innovations_and_single_ones_leave_the_filter_as_it_is():
+def test_small_or_single_large_innovations_do_not_raise_the_bandwidth():
     large, small = 50.0 * DEVIATION, 0.99 * SURPRISE * DEVIATION
     for innovation, before in ((small, small), (large, small), (small, large), (large, -large), (-large, large)):
         change, beyond = corrected(tracking(), innovation, before)
@@ -282,7 +282,7 @@ def test_small_innovations_and_single_ones_leave_the_filter_as_it_is():
         assert beyond == 0.0
 
 
-def test_the_innovations_after_a_wrong_measurement_leave_the_filter_as_it_is():
+def test_innovations_after_an_outlier_do_not_raise_the_bandwidth():
     filter_, zero, wrong = tracking(growth=3.0), jnp.zeros(1), 200.0
     memory = filter_.init(State(zero, zero))
     for innovation in (1.0, wrong, -30.0, -20.0, -15.0, -10.0, -6.0):
@@ -294,7 +294,7 @@ def test_the_innovations_after_a_wrong_measurement_leave_the_filter_as_it_is():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_two_large_innovations_give_the_gains_of_a_faster_filter(sign):
+def test_two_large_innovations_of_equal_sign_give_the_gains_of_a_faster_filter(sign):
     large = sign * 50.0 * DEVIATION
     np.testing.assert_allclose(filter_of(2.0**-3, 1e-5).pace, 2.0 * filter_of(1.0, 1e-5).pace)
     change, beyond = corrected(tracking(), large)
@@ -306,14 +306,14 @@ def test_two_large_innovations_give_the_gains_of_a_faster_filter(sign):
     np.testing.assert_allclose(change, usual_change(large, 1.4**-3), rtol=1e-3)
 
 
-def test_the_growth_fades_within_its_time_constant():
+def test_the_raised_bandwidth_decays_with_its_time_constant():
     filter_, beyond = tracking(), 1.0
     for _ in range(round(ALERT_TIME / PERIOD)):
         beyond = corrected(filter_, DEVIATION, beyond=beyond)[1]
     np.testing.assert_allclose(beyond, np.exp(-1.0), rtol=1e-12)
 
 
-def test_an_oscillation_cannot_hold_the_growth_up():
+def test_the_bandwidth_rises_no_further_once_its_budget_is_spent():
     large = 50.0 * DEVIATION
     np.testing.assert_array_equal(corrected(tracking(), large, spent=0.99 * BUDGET)[0], corrected(tracking(), large)[0])
     half = corrected(tracking(), large, spent=1.5 * BUDGET)[0]
@@ -321,14 +321,14 @@ def test_an_oscillation_cannot_hold_the_growth_up():
     np.testing.assert_array_equal(corrected(tracking(), large, spent=2.0 * BUDGET)[0], usual_change(large))
 
 
-def test_gains_do_not_grow_with_a_share_of_zero_or_in_a_fast_filter():
+def test_the_bandwidth_does_not_rise_with_share_zero_or_in_a_fast_filter():
     for filter_ in (tracking(share=0.0), tracking().with_share(jnp.zeros(()))):
         np.testing.assert_array_equal(corrected(filter_, 1e-3)[0], usual_change(1e-3))
     assert filter_of(1e-3, 1e-5).pace[0] > FASTEST_GROWN
     np.testing.assert_array_equal(corrected(tracking(inertia=1e-3), 1e-3)[0], usual_change(1e-3, 1e-3))
 
 
-def test_a_sudden_disturbance_is_found_in_about_half_the_time():
+def test_strong_tracking_estimates_a_sudden_disturbance_in_under_75_percent_of_the_time():
     def motion(t):
         return State(q=0.5 * jnp.maximum(t - 0.1, 0.0) ** 2 * jnp.ones(1), dq=jnp.maximum(t - 0.1, 0.0) * jnp.ones(1))
 
@@ -339,6 +339,6 @@ def test_a_sudden_disturbance_is_found_in_about_half_the_time():
     assert times[1] < 0.75 * times[0]
 
 
-def test_a_filter_without_a_pace_cannot_grow():
+def test_strong_tracking_refuses_a_filter_that_is_not_of_an_arm():
     with pytest.raises(DefinitionError, match=r"construct it by `Kalman\.of_arm`"):
         StrongTracking(Kalman.steady(density=1.0, variance=1e-11, period=PERIOD), [DEVIATION])

@@ -31,7 +31,7 @@ def windows(samples, period, position, torque, count):
 
 
 @pytest.mark.parametrize(("samples", "period"), [(10, 1e-3), (5, 2e-3), (3, 5e-3)])
-def test_a_window_gives_motion_and_torque_in_its_middle(samples, period):
+def test_a_window_returns_motion_and_torque_at_its_midpoint(samples, period):
     def position(t):
         return 0.3 + 2.0 * t - 5.0 * t * t
 
@@ -63,7 +63,7 @@ def test_scalar_measurements_give_the_least_squares_solution():
     )
 
 
-def test_a_constraint_is_met_and_leaves_the_measured_combination():
+def test_a_constraint_is_met_without_changing_the_measured_combination():
     parameters, covariance = jnp.zeros(3), diagonal_covariance(jnp.ones(3))
     measured = jnp.array([1.0, 1.0, 0.0])
     parameters, covariance = measured_once(parameters, covariance, measured, jnp.asarray(1.0), jnp.asarray(1e-8))

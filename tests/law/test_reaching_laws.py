@@ -24,20 +24,20 @@ BOUND = UncertaintyBound(0.09, 0.2, 12.0, 2.2, 2.8, 1.0)
     ],
     ids=["number", "diagonal", "matrix"],
 )
-def test_the_power_is_the_gain_times_sig_r(gain, matrix):
+def test_continuous_term_is_the_gain_times_sig_r(gain, matrix):
     np.testing.assert_allclose(FixedTimeReaching(gain, 1.2).continuous_term(jnp.asarray(S)), matrix @ SIG, rtol=1e-14)
 
 
-def test_without_a_boundary_layer_the_direction_is_the_unit_vector():
+def test_switching_direction_without_a_boundary_layer_is_the_unit_vector():
     np.testing.assert_allclose(FixedTimeReaching(0.1, 1.2).switching_direction(jnp.asarray(S)), [0.6, -0.8], rtol=1e-15)
 
 
-def test_with_a_boundary_layer_the_direction_is_shorter_than_1():
+def test_switching_direction_with_a_boundary_layer_is_shorter_than_1():
     direction = FixedTimeReaching(0.1, 1.2, 0.05).switching_direction(jnp.asarray(S))
     np.testing.assert_allclose(direction, S / 0.55, rtol=1e-15)
 
 
-def test_the_robust_torque_is_that_of_eqs_45_and_46():
+def test_robust_torque_agrees_with_equations_45_and_46():
     q, dq, tau = np.array([0.5, -1.0]), np.array([2.0, 0.5]), np.array([30.0, -40.0])
     gamma = (0.2 - 0.09) / (0.2 + 0.09)
     u = (1.0 + 12.0 + 2.2 * np.linalg.norm(q) + 2.8 * np.linalg.norm(dq) ** 2 + gamma * 50.0) / (1 - gamma)
@@ -109,13 +109,13 @@ def solved(two, joints):
 
 
 @pytest.mark.parametrize("joints", [2, pytest.param(7, marks=pytest.mark.full)])
-def test_power_above_one_converges_within_the_iterations(joints):
+def test_implicit_step_with_an_exponent_above_1_always_converges(joints):
     left, tolerance = solved(False, joints)
     assert np.all(left <= 2 * tolerance)
 
 
 @pytest.mark.parametrize("joints", [2, pytest.param(7, marks=pytest.mark.full)])
-def test_power_below_one_converges_within_the_iterations_but_for_a_few_in_a_thousand(joints):
+def test_implicit_step_with_an_exponent_below_1_converges_in_995_of_1000_cases(joints):
     """Where s⁺ is next to zero the unit vector and the power both turn within nothing."""
     left, tolerance = solved(True, joints)
     assert np.mean(left <= 2 * tolerance) >= 0.995

@@ -24,7 +24,7 @@ def acceleration(law, t, q, dq, memory, now=STILL):
     return np.linalg.solve(law.nominal.mass(state.q), command.tau - law.nominal.bias(state.q, state.dq)), command
 
 
-def test_barrier_gain_is_its_base_at_zero_grows_to_the_edge_and_is_bounded_beyond(nominal):
+def test_barrier_gain_grows_from_its_base_to_a_bound_at_the_barriers_edge(nominal):
     law = BarrierSuperTwisting(nominal, base=1.5, width=0.1, most=8.0, decay=10.0)
     reached, v = jnp.ones(2), jnp.zeros(2)
     for s, level in ((0.0, 1.5), (0.05, 1.5 * 2**0.5), (-0.075, 3.0), (0.0999, 8.0), (0.3, 8.0)):
@@ -43,7 +43,7 @@ def test_barrier_gain_grows_until_the_sliding_variable_has_been_near_zero(nomina
     np.testing.assert_array_equal(later.rate[0], [3.0, 0.0])
 
 
-def test_funnel_law_is_inactive_below_its_threshold_and_pushes_back_above_it(nominal):
+def test_funnel_controller_replaces_its_pd_law_above_its_threshold(nominal):
     law = SampledFunnel(nominal, initial=1.0, final=0.1, deadline=2.0, gain=5.0, threshold=0.75, kp=100.0, kd=20.0)
     for e, de in ((0.05, 0.01), (0.05, 0.2), (-0.05, -0.2), (0.2, 0.0)):
         x = e / 0.1

@@ -40,7 +40,7 @@ delivered = eqx.filter_jit(uncompiled)
 
 
 @EVERY
-def test_compiled_and_eager_agree(actuator):
+def test_compiled_and_eager_torques_agree(actuator):
     with jax.disable_jit():
         eager = uncompiled(actuator)
     assert_same(delivered(actuator), eager, rtol=1e-12)
@@ -55,7 +55,7 @@ def test_a_batch_over_parameters_and_commands_equals_a_loop(actuator):
 
 
 @EVERY
-def test_the_same_call_gives_the_same_bits(actuator):
+def test_the_same_call_gives_bitwise_equal_torques(actuator):
     assert_same(delivered(actuator), delivered(actuator))
 
 
@@ -67,7 +67,7 @@ def test_memory_keeps_its_tree_structure_shapes_and_types(actuator):
 
 
 @EVERY
-def test_set_torque_keeps_both_limits(actuator):
+def test_set_torque_keeps_the_torque_and_rate_limits(actuator):
     tau = np.asarray(delivered(actuator)[0])
     changes = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), tau]), axis=0))
     assert np.all(np.abs(tau) <= actuator.limits.torque)

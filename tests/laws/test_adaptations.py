@@ -49,7 +49,7 @@ def test_learnt_inertia_is_positive_definite_after_any_samples(adaptation):
 
 
 @every("adaptation", ADAPTATIONS)
-def test_eager_and_compiled_agree(adaptation):
+def test_compiled_and_eager_adaptations_agree(adaptation):
     q, dq = motion(swept(1.0, 0.02), 0.1, 0.2)
     first = adaptation.init(State(q=jnp.asarray(q[0]), dq=jnp.asarray(dq[0])))
     with jax.disable_jit():
@@ -59,7 +59,7 @@ def test_eager_and_compiled_agree(adaptation):
 
 
 @every("adaptation", ADAPTATIONS)
-def test_friction_opposes_the_motion_and_is_odd(adaptation):
+def test_learnt_friction_opposes_the_motion_and_is_odd(adaptation):
     memory = adaptation.init(FIRST)
     dq = jnp.array([0.3, -0.1])
     friction = adaptation.friction(memory, dq)

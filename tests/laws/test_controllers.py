@@ -105,7 +105,7 @@ SLOPED = every("case", CONTROLLERS, full=(*CONTROLLERS_LIKE_OTHERS, *SLOW), scop
 
 
 @SLOPED
-def test_compiled_and_eager_agree(case):
+def test_compiled_and_eager_commands_agree(case):
     point = at(case, 1.0, near(case, 1.0))
     assert_same(answer(case.controller, point), compiled(case.controller, point), rtol=1e-9, atol=1e-12)
 
@@ -119,7 +119,7 @@ def test_a_batch_over_any_gain_equals_a_loop(case, sloped):
 
 
 @EVERY
-def test_one_trace_serves_many_gains_states_and_times(case):
+def test_a_single_compilation_serves_many_gains_states_and_times(case):
     before = len(TRACES)
     for i, factor in enumerate((1.0, 1.01, 1.02, 1.03)):
         compiled(scaled(case.controller, factor), at(case, 0.5 * i, near(case, 0.5 * i, seed=i)))
@@ -193,7 +193,7 @@ def test_the_start_lies_inside_the_schemes_envelope(case):
 
 
 @EVERY
-def test_the_same_measurements_give_the_same_bits_twice(case):
+def test_the_same_measurements_give_bitwise_equal_torques(case):
     point = at(case, 0.7, near(case, 0.7))
     first, second = (compiled(case.controller, point).tau for _ in range(2))
     np.testing.assert_array_equal(first, second)
@@ -214,7 +214,7 @@ def feed_forward(nominal, state, ddq):
 
 
 @every("case", IMMEDIATE, full=CONTROLLERS_LIKE_OTHERS[1:], scope="module")
-def test_without_any_error_the_torque_is_the_feed_forward_of_the_nominal_arm(case):
+def test_torque_without_an_error_is_the_feedforward_of_the_nominal_arm(case):
     """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; a PD knows the last of them only, a PID its share of it."""
     for t in (0.5, 1.5, 8.0):
         point = at(case, t, on_reference(case, t))

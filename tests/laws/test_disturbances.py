@@ -38,7 +38,7 @@ def test_factor_zero_switches_a_disturbance_off(disturbance):
 
 
 @every("disturbance", DISTURBANCES)
-def test_one_force_per_joint_and_finite_gradients_by_every_parameter(disturbance):
+def test_a_disturbance_has_one_force_per_joint_and_finite_parameter_gradients(disturbance):
     state = State(q=jnp.zeros(2), dq=jnp.zeros(2))
 
     def total(disturbance):
@@ -87,7 +87,7 @@ def between(disturbance, other):
 
 
 @every("disturbance", DISTURBANCES)
-def test_chord_deviation_bounds_the_force_for_all_parameters_in_a_box(disturbance):
+def test_chord_deviation_bounds_the_force_between_samples_for_a_box_of_parameters(disturbance):
     random = np.random.default_rng(4)
     other = jax.tree.map(lambda leaf: leaf * random.uniform(0.5, 2.0, leaf.shape), disturbance)
     lower, upper = between(disturbance, other)

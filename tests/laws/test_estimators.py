@@ -49,7 +49,7 @@ def driven(estimator, acceleration):
 
 
 @EVERY
-def test_compiled_and_eager_agree(estimator):
+def test_compiled_and_eager_estimates_agree(estimator):
     with jax.disable_jit():
         eager = uncompiled(estimator)
     assert_same(answer(estimator), eager, rtol=1e-10)
@@ -69,7 +69,7 @@ def test_a_batch_over_parameters_equals_a_loop(estimator):
 
 
 @EVERY
-def test_the_same_call_gives_the_same_bits(estimator):
+def test_the_same_call_gives_bitwise_equal_estimates(estimator):
     assert_same(answer(estimator), answer(estimator))
 
 
@@ -173,7 +173,7 @@ def test_a_long_gap_keeps_the_disturbance_and_takes_the_measured_position(estima
 
 
 @EVERY
-def test_after_a_gap_with_an_unknown_disturbance_the_velocity_beats_the_prediction(estimator):
+def test_velocity_estimate_after_a_gap_is_closer_than_the_prediction(estimator):
     true = accelerated(PUSH)
     for elapsed in (jnp.asarray(0.002), jnp.asarray(0.02), jnp.asarray(0.5)):
         last = Estimate(state=true(jnp.asarray(0.5)), disturbance=jnp.zeros(2))

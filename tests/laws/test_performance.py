@@ -16,7 +16,7 @@ def curve(performance, t=TIMES):
 
 
 @EVERY
-def test_the_radius_is_positive_and_between_its_ends(performance):
+def test_the_radius_is_positive_and_between_its_final_and_initial_values(performance):
     rho, _, _ = curve(performance)
     assert np.all(rho >= np.asarray(performance.final))
     assert np.all(rho <= np.asarray(performance.initial) * (1 + 1e-15))

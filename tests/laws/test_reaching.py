@@ -24,7 +24,7 @@ def terms(reaching, s):
 
 
 @EVERY
-def test_power_and_direction_act_along_s_and_are_odd(reaching):
+def test_continuous_term_and_switching_direction_point_along_s_and_are_odd(reaching):
     for pushed, opposite in zip(terms(reaching, S), terms(reaching, -S), strict=True):
         assert np.all(np.sum(np.asarray(S) * np.asarray(pushed), axis=1) > 0)
         np.testing.assert_allclose(opposite, -pushed, rtol=1e-13)
@@ -37,20 +37,20 @@ IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain
 
 
 @EVERY
-def test_the_direction_is_no_longer_than_one(reaching):
+def test_switching_direction_has_a_norm_of_at_most_1(reaching):
     direction = np.asarray(terms(reaching, S)[1])
     assert np.all(np.linalg.norm(direction, axis=1) <= 1 + 1e-15)
 
 
 @every("reaching", PARALLEL, full=REACHING_LIKE_OTHERS)
-def test_the_direction_is_parallel_to_s(reaching):
+def test_switching_direction_is_parallel_to_s(reaching):
     direction = np.asarray(terms(reaching, S)[1])
     cross = direction[:, 0] * np.asarray(S)[:, 1] - direction[:, 1] * np.asarray(S)[:, 0]
     np.testing.assert_allclose(cross, 0.0, atol=1e-14 * np.linalg.norm(S, axis=1).max())
 
 
 @EVERY
-def test_power_and_direction_at_zero_are_zero_with_finite_gradients(reaching):
+def test_continuous_term_and_switching_direction_vanish_at_zero_with_finite_gradients(reaching):
     assert all(isinstance(leaf, jax.Array) and leaf.dtype == float for leaf in jax.tree.leaves(reaching))
     for name in ("continuous_term", "switching_direction"):
 
@@ -103,7 +103,7 @@ def test_the_implicit_step_solves_its_equation_in_every_case(reaching):
 
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
-def test_the_implicit_step_stays_at_zero_exactly_where_the_disturbance_is_within_u(reaching):
+def test_the_implicit_step_is_zero_exactly_where_u_can_bring_s_to_zero(reaching):
     if isinstance(reaching, SaturatedReaching) or reaching.layer > 0:
         np.testing.assert_array_equal(implicit(reaching, s=0.0 * STARTS), 0.0)
         return
@@ -114,7 +114,7 @@ def test_the_implicit_step_stays_at_zero_exactly_where_the_disturbance_is_within
 
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
-def test_the_implicit_step_never_widens_a_distance_in_the_metric(reaching):
+def test_the_implicit_step_never_increases_a_distance_in_the_metric(reaching):
     """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
     first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
     before = np.asarray(STARTS + 0.7 * STARTS[::-1])
@@ -151,7 +151,7 @@ def test_a_full_gain_matrix_has_no_implicit_step():
 
 
 @every("bound", BOUNDS)
-def test_a_torque_bound_is_a_positive_scalar_that_grows_with_torque_and_state(bound):
+def test_a_torque_bound_is_a_positive_scalar_that_is_least_at_rest_without_torque(bound):
     """It has finite derivatives, also at rest without a torque, and compiles to the same number."""
     rest = State(q=jnp.zeros(2), dq=jnp.zeros(2))
     least = bound(rest, jnp.zeros(2))

@@ -64,7 +64,7 @@ def test_inertia_is_symmetric_and_positive_definite(robot, mechanical):
 
 
 @EVERY
-def test_the_rate_of_inertia_less_twice_coriolis_is_skew(robot, mechanical):
+def test_inertia_rate_minus_twice_coriolis_is_skew_symmetric(robot, mechanical):
     n = mechanical["mass_rate"] - 2.0 * mechanical["coriolis"]
     np.testing.assert_allclose(n, -n.swapaxes(1, 2), rtol=0, atol=1e-12)
     assert np.abs(n).max() > 1e-3
@@ -88,7 +88,7 @@ def test_the_acceleration_solves_the_equation_of_motion(robot, states, mechanica
 
 
 @EVERY
-def test_power_in_is_the_rate_of_energy(robot, states, mechanical):
+def test_input_power_is_the_rate_of_energy(robot, states, mechanical):
     _, dq, tau = states
     np.testing.assert_allclose(mechanical["energy_rate"], np.sum(tau * dq, axis=1), rtol=0, atol=1e-9)
 
@@ -142,14 +142,14 @@ def test_an_unforced_arm_keeps_its_energy_to_the_integrators_order(robot):
 
 
 @EVERY
-def test_units_fit_the_joints(robot):
+def test_torque_units_follow_from_the_joint_units(robot):
     assert len(robot.joint_units) == robot.joints and set(robot.joint_units) <= {"rad", "m"}
     expected = tuple({"rad": "N m", "m": "N"}[unit] for unit in robot.joint_units)
     assert robot.torque_units == expected
 
 
 @EVERY
-def test_the_arm_is_unchanged_by_a_full_turn_of_a_joint(robot, states, mechanical):
+def test_tip_and_inertia_are_unchanged_by_a_full_turn_of_the_joints(robot, states, mechanical):
     q, dq, tau = states
     turn = jnp.asarray([2 * np.pi if unit == "rad" else 0.0 for unit in robot.joint_units])
     turned = mechanics(robot, q + turn, dq, tau)

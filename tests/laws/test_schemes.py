@@ -74,7 +74,7 @@ def assert_settled(run: Run, error: float) -> None:
 
 
 @pytest.mark.parametrize(("arm", "scheme"), pairs(0))
-def test_sampled_schemes_settle_within_the_limits_also_after_lost_samples(arm, scheme):
+def test_sampled_data_schemes_settle_within_limits_despite_lost_samples(arm, scheme):
     """With exact sensors, an arm that is not the nominal one, a disturbance or a payload, and one period of delay."""
     name = ARMS[arm] if arm == "panda" else f"{ARMS[arm]}-1khz"
     outage = {"outages": [{"start": START, "samples": LOST}]}

@@ -56,7 +56,7 @@ def one_by_one(sensor, samples):
 
 
 @EVERY
-def test_compiled_and_eager_agree(sensor):
+def test_compiled_and_eager_measurements_agree(sensor):
     """Over as many samples as it takes for everything to be late, and for those of the plans to be lost."""
     first = jax.tree.map(lambda x: x[:8], measured(sensor, SHIFTS[0]))
     assert_same(first, one_by_one(sensor, 8), rtol=1e-11)
@@ -69,7 +69,7 @@ def test_a_batch_over_motions_equals_a_loop_over_motions(sensor):
 
 
 @every("sensor", BY_CHANCE, full=(*LIKE_OTHERS, "all_at_once"))
-def test_a_batch_over_seeds_equals_a_loop_and_seeds_differ(sensor):
+def test_a_batch_over_seeds_equals_a_loop_and_each_seed_gives_other_noise(sensor):
     sensors = [eqx.tree_at(lambda sensor: sensor.seed, sensor, jnp.asarray(seed)) for seed in range(3)]
     looped = stacked([measured(sensor, SHIFTS[0]) for sensor in sensors])
     assert_same(measured_of_many(stacked(sensors), jnp.zeros(3)), looped, rtol=1e-11)
@@ -78,7 +78,7 @@ def test_a_batch_over_seeds_equals_a_loop_and_seeds_differ(sensor):
 
 
 @EVERY
-def test_the_same_call_gives_the_same_bits(sensor):
+def test_the_same_call_gives_bitwise_equal_measurements(sensor):
     assert_same(measured(sensor, SHIFTS[0]), measured(sensor, SHIFTS[0]))
 
 
@@ -115,7 +115,7 @@ def test_parameters_are_arrays_that_a_batch_can_vary(sensor):
 
 
 @EVERY
-def test_one_trace_serves_all_samples_and_seeds(sensor):
+def test_a_single_compilation_serves_all_samples_and_seeds(sensor):
     traces = []
 
     @eqx.filter_jit

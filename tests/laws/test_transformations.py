@@ -34,7 +34,7 @@ def errors_and_rate(transformation, memory, t):
 
 @EVERY
 @pytest.mark.parametrize("start", STARTS)
-def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(transformation, start):
+def test_the_second_transformed_error_is_the_time_derivative_of_the_first(transformation, start):
     memory, h = transformation.init(jnp.asarray(0.0), start), 1e-6
     for t in (0.0, 0.4, 0.9):
         (_, true_rate), rate = errors_and_rate(transformation, memory, jnp.asarray(t))
@@ -44,7 +44,7 @@ def test_the_second_error_is_the_time_derivative_of_the_first_along_any_motion(t
 
 
 @EVERY
-def test_the_rate_of_alpha_is_its_derivative(transformation):
+def test_alpha_rate_is_the_time_derivative_of_alpha(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
 
     @jax.jit
@@ -74,7 +74,7 @@ def transformed(transformation, start, shares):
 
 @every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
-def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, start):
+def test_transformed_error_increases_and_diverges_towards_both_bounds(transformation, start):
     grid = np.asarray(
         transformed(transformation, start, jnp.array([1e-12, 1e-6, 0.1, 0.3, 0.7, 0.9, 1 - 1e-6, 1 - 1e-12]))
     )
@@ -83,7 +83,7 @@ def test_errors_at_the_bounds_go_to_plus_and_minus_infinity(transformation, star
 
 @EVERY
 @pytest.mark.parametrize("start", STARTS)
-def test_zero_error_is_zero_transformed_error_and_lies_inside(transformation, start):
+def test_zero_error_has_a_zero_transformed_error_and_lies_inside_the_envelope(transformation, start):
     memory = transformation.init(jnp.asarray(0.0), start)
     error = transformation(jnp.asarray(0.5), jnp.zeros(2), jnp.zeros(2), memory)
     np.testing.assert_allclose(error.eps1, 0.0, atol=1e-15)
@@ -129,7 +129,7 @@ def test_all_gains_have_finite_gradients_also_at_zero_error(transformation):
 
 
 @EVERY
-def test_a_frame_maps_the_led_error_and_its_inverse_returns_it(transformation):
+def test_a_frame_inverts_its_transformation_and_has_the_right_slope(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
     for eps in (jnp.array([0.0, 1e-3]), jnp.array([2.0, -3.0]), jnp.array([-8.0, 6.0])):
@@ -141,7 +141,7 @@ def test_a_frame_maps_the_led_error_and_its_inverse_returns_it(transformation):
 
 @every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
 @pytest.mark.parametrize("start", STARTS)
-def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation, start):
+def test_a_frame_has_the_led_envelope_and_its_tangent_over_the_horizon(transformation, start):
     memory, t = transformation.init(jnp.asarray(0.0), start), jnp.asarray(0.5)
     lead, horizon = jnp.asarray(2e-3), jnp.asarray(3e-3)
     frame = transformation.frame(t, lead, horizon, memory)
@@ -159,7 +159,7 @@ def test_a_frame_is_the_envelope_led_by_its_rate_and_its_tangent(transformation,
 
 
 @EVERY
-def test_a_frame_is_defined_for_every_finite_error(transformation):
+def test_a_frame_transforms_every_finite_error_to_a_finite_value(transformation):
     memory = transformation.init(jnp.asarray(0.0), STARTS[0])
     frame = transformation.frame(jnp.asarray(0.5), jnp.asarray(2e-3), jnp.asarray(3e-3), memory)
     for y in (0.0, 1e-300, 1.0, -5.0, 1e150, -1e300):

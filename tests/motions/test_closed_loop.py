@@ -41,7 +41,7 @@ def test_both_engines_follow_the_same_motion(motion):
 
 
 @pytest.mark.parametrize("engine", ["native", "xla"])
-def test_a_sample_at_a_knot_has_the_acceleration_from_the_knot_on(engine):
+def test_a_sample_at_a_knot_has_the_acceleration_of_the_following_piece(engine):
     """Speeding up for half a second and slowing down for another, with samples exactly at 0, 0.5 and 1."""
     motion = Trapezoidal.through([[0.0, 0.0], [0.5, -0.5]], velocity=10.0, acceleration=2.0)
     run = simulate(SMOOTH_PLANT, SPRING, motion, START_4_1, t1=1.5, period=0.125, log_every=1, engine=engine)

@@ -24,7 +24,7 @@ def polynomial_derivative(motion, piece, joint, order, x):
 
 @every("motion", PIECEWISE)
 @pytest.mark.parametrize("order", [0, 1, 2])
-def test_at_a_knot_the_motion_is_the_piece_that_begins_there(motion, order):
+def test_values_at_a_knot_are_those_of_the_piece_that_begins_there(motion, order):
     knots = np.asarray(motion.times)
     values = derivative(motion, order, knots[:-1])
     for piece in range(len(knots) - 1):
@@ -79,7 +79,7 @@ def test_extremes_occur_at_their_reported_times(motion):
         np.testing.assert_allclose(np.diagonal(there), value, atol=1e-9)
 
 
-def test_powers_that_are_only_rounding_hide_no_extreme():
+def test_negligible_leading_coefficients_hide_no_extreme():
     """A leading coefficient of 1e-20 sends one root towards infinity, and the others must not go with it."""
     generator = np.random.default_rng(0)
     x = np.linspace(0.0, 2.0, 2001)
@@ -101,7 +101,7 @@ def test_until_is_the_end_of_the_motion():
     assert Sinusoid([0.0], 1.0, 1.0).until == np.inf
 
 
-def test_many_motions_with_as_many_knots_go_through_one_batch():
+def test_motions_with_equal_numbers_of_knots_can_be_batched():
     motions = [
         Trapezoidal.through([[0.0, 0.0], goal], velocity=10.0, acceleration=[1.0, 1.0]) for goal in ([1, 2], [2, 4])
     ]

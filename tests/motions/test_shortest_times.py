@@ -24,7 +24,7 @@ def dense(motion, order):
 
 
 @pytest.mark.parametrize("jerk", [None, JERK])
-def test_no_limit_is_exceeded_and_one_is_reached(jerk):
+def test_no_limit_is_exceeded_and_at_least_one_limit_is_reached(jerk):
     motion = MinimumJerk.within(PATH, velocity=SPEED, acceleration=ACCELERATION, jerk=jerk)
     limits = {1: SPEED, 2: ACCELERATION} | ({} if jerk is None else {3: jerk})
     for order, limit in limits.items():
@@ -61,7 +61,7 @@ def test_slowest_joint_sets_the_time_of_all():
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_no_perturbed_division_of_the_time_is_shorter(seed):
+def test_no_other_division_of_the_time_is_shorter_for_three_waypoints(seed):
     """Three waypoints have one free number, the share of the first piece: all of its values are tried."""
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(3, 2))
@@ -86,7 +86,7 @@ def test_seven_joints_through_twelve_waypoints_are_faster_than_with_a_stop_at_ea
     assert float(whole.until) < 0.9 * pieces
 
 
-def test_a_joint_without_a_limit_may_be_as_fast_as_the_others_need():
+def test_a_limited_joint_keeps_its_limits_among_joints_without_limits():
     motion = MinimumJerk.within(PATH, velocity=[1.0, np.inf, np.inf], acceleration=[5.0, np.inf, np.inf])
     assert motion.extremes(1).size[0] <= 1.0 + 1e-9
     assert motion.extremes(2).size[0] <= 5.0 + 1e-9

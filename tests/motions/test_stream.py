@@ -43,7 +43,7 @@ def test_poles_of_the_sampled_filter_are_those_of_the_bandwidth():
 
 
 @pytest.mark.parametrize(("rate", "speed"), [(None, 0.2), (50.0, 0.2), (None, 1.0)])
-def test_a_constant_velocity_is_followed_by_the_lag(rate, speed):
+def test_a_constant_velocity_is_followed_with_the_computed_lag(rate, speed):
     stream = fitting(rate=rate)
     t = np.arange(0.0, 4.0, H if rate is None else 1.0 / rate)
     motion = Streamed.through(t, speed * t[:, None], stream)
@@ -109,7 +109,7 @@ def test_a_position_that_is_not_finite_keeps_the_last_one():
         assert both == pytest.approx(states(stream, [good] * 320, np.zeros(2)))
 
 
-def test_a_line_between_positions_makes_a_slow_stream_smooth():
+def test_interpolation_between_the_positions_of_a_slow_stream_reduces_the_jerk():
     t = np.arange(0.0, 3.0, 0.05)
     q = 0.2 * np.sin(2.0 * t)[:, None]
     held, line = (Streamed.through(t, q, fitting(rate=rate)).extremes(3).size for rate in (None, 20.0))
@@ -119,11 +119,11 @@ def test_a_line_between_positions_makes_a_slow_stream_smooth():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"bandwidth": 2000.0}, "at most one per period"),
+        ({"bandwidth": 2000.0}, "at most 1/`period`"),
         ({"jerk": 20.0}, "at least `bandwidth \\* acceleration` = 150"),
         ({"jerk": 2e4}, "at most `2 \\* acceleration / period`"),
         ({"velocity": 0.0}, "velocity` must be > 0"),
-        ({"rate": 2000.0}, "at most that of the law, 1000 Hz"),
+        ({"rate": 2000.0}, "at most the law's sampling rate, 1000 Hz"),
     ],
 )
 def test_a_filter_that_cannot_keep_its_limits_is_refused(options, words):
@@ -132,7 +132,7 @@ def test_a_filter_that_cannot_keep_its_limits_is_refused(options, words):
 
 
 def test_a_stream_that_starts_out_of_range_is_refused():
-    with pytest.raises(DefinitionError, match="starts at 2 for joint 1, out of its range"):
+    with pytest.raises(DefinitionError, match="starts at 2 for joint 1, outside the joint's limits"):
         Streamed.through([0.0, 1.0], [[2.0], [0.0]], fitting(upper=1.0))
 
 
@@ -146,7 +146,7 @@ def streamed(name="example-4.1-1khz", **options):
     return scenarios.load(name, changes)
 
 
-def test_a_scenario_follows_a_stream_and_tells_the_lag():
+def test_a_scenario_follows_a_stream_and_reports_its_lag():
     scenario = streamed(rate=2.0)
     assert f"{1e3 * float(scenario.trajectory.stream.lag(0.0)):.3g} ms after a slow stream" in repr(scenario)
     run = scenario.simulate()
@@ -154,7 +154,7 @@ def test_a_scenario_follows_a_stream_and_tells_the_lag():
     assert np.asarray(run.log.state.q)[-1] == pytest.approx([0.0, 2.2], abs=2e-3)
 
 
-def test_drives_bound_the_jerk_of_a_stream_or_it_is_refused():
+def test_torque_rate_limits_set_the_jerk_limit_of_a_stream_or_refuse_it():
     changes = {"torque": 100.0, "rate": 2000.0}
     free = streamed()
     scenario = free.set({"actuator": changes})

@@ -41,7 +41,7 @@ def test_a_csv_text_and_a_csv_file_are_the_same_motion(tmp_path):
         same(Tabulated.from_csv(source), expected)
 
 
-def test_comments_blank_lines_spaces_units_and_what_spreadsheets_write_are_read():
+def test_comments_blank_lines_spaces_units_and_spreadsheet_encodings_are_accepted():
     text = "\ufeff# recorded by hand\r\n\r\n" + CSV.replace("time,", "time [s], ").replace("elbow", "elbow [rad]")
     same(Tabulated.from_csv(text.replace("\n", "\r\n")), Tabulated.through(TIMES, PLACES))
 
@@ -54,7 +54,7 @@ def test_a_csv_file_may_have_velocities_and_accelerations_in_any_order_of_column
     same(motion, Tabulated.through(TIMES, PLACES, SPEEDS, CURVES))
 
 
-def test_joints_come_in_the_order_of_the_robot():
+def test_joint_columns_are_reordered_to_the_order_of_the_robot():
     same(Tabulated.from_csv(CSV, joints=["elbow", "shoulder"]), Tabulated.through(TIMES, PLACES[:, ::-1]))
     data = message(2)
     same(
@@ -102,7 +102,7 @@ def test_separate_numbers_in_a_joint_name_are_not_joined():
     )
 
 
-def test_joints_without_names_take_the_columns_in_order_and_a_warning_says_so():
+def test_unnamed_joints_take_the_columns_in_order_with_a_warning():
     with pytest.warns(DefinitionWarning, match="columns `shoulder`, `elbow` move `joint 1`, `joint 2` in this order"):
         same(Tabulated.from_csv(CSV, joints=["joint 1", "joint 2"]), Tabulated.through(TIMES, PLACES))
 
@@ -122,7 +122,7 @@ def test_units_in_column_titles_are_applied():
     np.testing.assert_allclose(motion.coefficients, expected.coefficients, rtol=1e-12, atol=1e-12)
 
 
-def test_a_length_for_a_joint_that_turns_is_refused():
+def test_a_length_unit_for_a_revolute_joint_is_refused():
     text = "time,a [mm],b [deg]\n0,1,2\n1,2,3\n"
     Tabulated.from_csv(text, joints=["a", "b"], units=["m", "rad"])
     with pytest.raises(DefinitionError, match="the column `a` is in m, but `a` is revolute"):
@@ -173,7 +173,7 @@ def test_separators_and_decimal_commas_are_recognised(separator, decimal):
     same(Tabulated.from_csv(text), Tabulated.from_csv(CSV))
 
 
-def test_lines_without_entries_are_left_out():
+def test_lines_without_entries_are_ignored():
     same(Tabulated.from_csv(CSV + ",,\n ,,\n"), Tabulated.from_csv(CSV))
 
 
@@ -182,7 +182,7 @@ def test_limits_follow_the_robots_joint_order():
         Tabulated.from_csv(CSV, joints=["elbow", "shoulder"], lower=[-1.0, -0.2])
 
 
-def test_a_table_can_be_moved_to_another_start():
+def test_a_table_can_be_shifted_to_another_start_time():
     moved = Tabulated.from_csv(CSV.replace("0.5,0.0", "-7.5,0.0"), start=0.0)
     assert (float(moved.times[0]), float(moved.until)) == (0.0, 3.1 + 7.5)
 
@@ -218,7 +218,7 @@ def test_empty_lists_in_a_message_count_as_missing():
     [
         ("\n", "the text is empty: the first line must name the columns"),
         ("0,1,2\n1,2,3\n", "line 1: numbers, but the first line must name the columns, such as `time,shoulder,elbow`"),
-        ("t,a\n0,1\n1,2\n", "line 1: there must be a column `time` .*is it `t`"),
+        ("t,a\n0,1\n1,2\n", "line 1: there must be a column `time` .*is `t` the time"),
         ("time\n0\n1\n", "there must be a column with the positions of each joint"),
         ("time [min],a\n0,1\n1,2\n", r"column `time \[min\]`: the unit must be one of s, sec, ms"),
         ("time,a [Nm]\n0,1\n1,2\n", r"column `a \[Nm\]`: the unit must be one of rad, m, deg"),
@@ -262,7 +262,7 @@ def test_csv_errors_name_line_and_column(text, words):
         (["shoulder", "elbow", "elbow"], "`joints` has the joint `elbow` more than once"),
     ],
 )
-def test_names_that_do_not_fit_the_robot_are_refused_with_the_nearest(joints, words):
+def test_joint_names_that_do_not_match_the_columns_are_refused(joints, words):
     with pytest.raises(DefinitionError, match=words):
         Tabulated.from_csv(CSV, joints=joints)
 
@@ -284,7 +284,7 @@ def changed(**changes):
     [
         ("{", "the text is not valid JSON: line 1"),
         ("[1]", "must be a JSON object with `joint_names` and `points`"),
-        ({"trajectory": {}}, "has no `joint_names`: .*; it has `trajectory`: give that"),
+        ({"trajectory": {}}, "has no `joint_names`: .*; it has `trajectory`: pass that field alone"),
         (changed(points=None), "has no `points`: it must be a trajectory_msgs/JointTrajectory"),
         (changed(joint_names=["shoulder", "shoulder"]), "has the joint `shoulder` more than once"),
         (changed(joint_names="shoulder"), "`joint_names` must be a list of names"),

@@ -94,7 +94,7 @@ def test_jump_error_names_row_joint_time_size_and_remedy():
     assert "add rows in which it changes" in sentence and "`MinimumJerk.within`" in sentence
 
 
-def test_acceleration_limit_decides_on_a_jump():
+def test_a_velocity_jump_is_accepted_if_the_acceleration_limit_permits_it():
     t = np.linspace(0.0, 2.0, 41)
     q = 0.2 * np.sin(2 * t)[:, None]
     with pytest.raises(DefinitionError, match=r"if the arm reaches ([0-9.]+) rad/s²") as refused:
@@ -123,14 +123,14 @@ def test_a_motion_that_does_not_jump_is_not_refused(seed, rows):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_taught_waypoints_have_no_jumps(seed):
+def test_taught_waypoints_are_not_refused_as_jumps(seed):
     generator = np.random.default_rng(seed)
     stays = generator.integers(1, 4, 15)
     path = np.repeat(generator.normal(size=(15, 6)), stays, axis=0)
     Tabulated.through(np.arange(len(path)) * 1.5, path)
 
 
-def test_position_step_is_an_error_with_its_acceleration():
+def test_a_position_step_is_refused_with_the_acceleration_that_it_needs():
     t = np.arange(0.0, 1.0, 0.01)
     q = np.where(t < 0.5, 0.0, 0.3)[:, None]
     with pytest.raises(
@@ -169,12 +169,12 @@ def test_velocities_must_be_zero_where_the_table_begins_and_ends():
         ({"upper": [1.0]}, r"`Tabulated.upper` must be one number or one for each of the 2 joints"),
     ],
 )
-def test_limits_are_checked_everywhere(limits, words):
+def test_exceeded_or_invalid_limits_are_errors(limits, words):
     with pytest.raises(DefinitionError, match=words):
         Tabulated.through(TIMES, PLACES, **limits)
 
 
-def test_limits_reached_exactly_pass():
+def test_limits_reached_exactly_are_accepted():
     motion = Tabulated.through(TIMES, PLACES)
     Tabulated.through(
         TIMES,
@@ -186,7 +186,7 @@ def test_limits_reached_exactly_pass():
     )
 
 
-def test_degrees_and_wrong_speeds_are_suspected_where_a_limit_is_passed():
+def test_a_limit_error_names_degrees_or_wrong_velocities_as_the_likely_cause():
     with pytest.raises(DefinitionError, match=r"positions go to 57.*: are they degrees?"):
         Tabulated.through(TIMES, np.degrees(PLACES), velocity=3.0)
     t, q, dq, _ = sampled(MinimumJerk.through(TIMES, PLACES), 201)

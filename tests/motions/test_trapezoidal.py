@@ -27,7 +27,7 @@ def trapezoid_time(distance, velocity, acceleration):
 
 @settings(max_examples=30)
 @given(st.floats(1e-3, 100.0), st.floats(0.1, 10.0), st.floats(0.1, 50.0))
-def test_one_joint_takes_the_time_of_the_trapezoid_or_the_triangle(distance, velocity, acceleration):
+def test_duration_of_a_single_joint_is_that_of_its_trapezoidal_or_triangular_profile(distance, velocity, acceleration):
     motion = Trapezoidal.through([[0.0], [-distance]], velocity=velocity, acceleration=acceleration)
     assert float(motion.until) == pytest.approx(trapezoid_time(distance, velocity, acceleration), rel=1e-9)
     assert motion.extremes(2).size[0] == pytest.approx(acceleration, rel=1e-9)
@@ -52,7 +52,7 @@ def test_no_limit_is_exceeded_and_every_segment_reaches_a_limit(jerk):
         assert max(reached) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_all_joints_arrive_together_when_the_slowest_can():
+def test_all_joints_arrive_together_with_the_slowest():
     goal = np.array([1.0, 2.0, 0.1])
     motion = Trapezoidal.through([np.zeros(3), goal], velocity=SPEED, acceleration=ACCELERATION)
     alone = [trapezoid_time(*numbers) for numbers in zip(goal, SPEED, ACCELERATION, strict=True)]
@@ -108,7 +108,7 @@ def test_segments_of_random_seven_joint_motions_join_without_a_jump(seed, smooth
         np.testing.assert_allclose(curve[:-1], 2 * c[1, 1:], atol=1e-7 * acceleration.max())
 
 
-def test_a_speed_without_a_limit_gives_the_triangle():
+def test_unlimited_velocity_gives_the_duration_of_a_triangular_profile():
     motion = Trapezoidal.through([[0.0], [4.0]], velocity=np.inf, acceleration=1.0)
     assert float(motion.until) == pytest.approx(4.0, rel=1e-12)
 
@@ -128,7 +128,7 @@ def test_invalid_waypoints_and_limits_are_errors(changes, words):
         Trapezoidal.through(arguments.pop("waypoints"), **arguments)
 
 
-def test_without_ruckig_the_remedy_is_named(monkeypatch):
+def test_missing_ruckig_error_names_the_remedy(monkeypatch):
     real = builtins.__import__
 
     def without(name, *more, **keywords):

@@ -46,7 +46,7 @@ def reproduced(tmp_path_factory):
     return out, results, told
 
 
-def test_reproduction_leaves_a_page_figures_and_data(reproduced):
+def test_reproduction_writes_a_page_figures_and_data(reproduced):
     out, results, _ = reproduced
     assert {path.name for path in out.iterdir()} == {"report.html", "results.json", "figures"}
     named = {"fig-1", "families", "fig-3", "fig-3-all", "fig-4-all", "fig-5-all", "fig-7a", "fig-7b"}
@@ -101,7 +101,7 @@ def test_computed_values_and_verdicts_come_from_the_runs(reproduced):
     assert all(row["verdicts"]["off"]["kind"] == "differs" for row in settling)
 
 
-def test_statements_about_runs_cover_them_up_to_their_end(reproduced):
+def test_claims_about_the_final_radius_are_unchecked_in_a_short_run(reproduced):
     kinds = {(claim["place"], claim["says"]): claim["verdicts"] for claim in reproduced[1]["claims"]}
     assert len(kinds) == 6
     for (_, says), verdicts in kinds.items():
@@ -109,7 +109,7 @@ def test_statements_about_runs_cover_them_up_to_their_end(reproduced):
         assert {verdict["kind"] for verdict in verdicts.values()} == {expected}
 
 
-def test_the_counts_are_those_of_the_verdicts(reproduced):
+def test_verdict_counts_agree_with_the_listed_verdicts(reproduced):
     results = reproduced[1]
     for reading, kinds in results["counts"].items():
         items = [*results["numbers"], *results["claims"]]
@@ -124,7 +124,7 @@ READINGS = [("stated", False), pytest.param("stated", True, marks=FULL), pytest.
 
 @pytest.mark.full
 @pytest.mark.parametrize(("disturbance", "drawn"), READINGS)
-def test_one_reading_of_the_disturbance_alone_makes_a_page(reproduced, tmp_path, monkeypatch, disturbance, drawn):
+def test_a_single_disturbance_reading_gives_the_same_values(reproduced, tmp_path, monkeypatch, disturbance, drawn):
     """With the figures of `made` every day: they are of the first reading there, too."""
     if not drawn:
         monkeypatch.setattr(REPRODUCE, "draw", lambda runs, folder: DRAWN)
@@ -141,13 +141,13 @@ def test_progress_goes_forward_to_its_end(reproduced):
     assert fractions == sorted(fractions) and fractions[0] == 0.0 and reproduced[2][-1] == ("Done", 1.0)
 
 
-def test_another_disturbance_is_refused(tmp_path):
+def test_an_unknown_disturbance_reading_is_refused(tmp_path):
     with pytest.raises(DefinitionError, match='"stated", "off", "both"'):
         paper.reproduce(tmp_path / "none", "on")
     assert not (tmp_path / "none").exists()
 
 
-def test_bounds_are_those_of_the_formulas_and_the_arm():
+def test_inverse_inertia_and_settling_time_bounds_have_the_expected_values():
     two_link = scenarios.load("example-4.1")
     result = inverse_inertia(two_link)
     assert result["eigenvalues"] == pytest.approx([0.0889, 0.1970], abs=1e-4)
@@ -158,7 +158,7 @@ def test_bounds_are_those_of_the_formulas_and_the_arm():
     assert settling_bound(scenarios.load("example-4.2"))["bound"] == pytest.approx(65, abs=0.5)
 
 
-def test_infinite_values_become_null():
+def test_infinite_values_become_null_in_the_data():
     row = Row(
         "x", "q", "p", "n", "1", "s", "1.0", "c", {"off": float("nan")}, {"off": compare_printed(1.0, float("nan"))}
     )
@@ -167,7 +167,7 @@ def test_infinite_values_become_null():
     assert counts([row], []) == {"off": {"reproduced": 0, "close": 0, "differs": 0, "unchecked": 1}}
 
 
-def test_plain_data_has_no_arrays(reproduced):
+def test_returned_results_are_plain_data_without_arrays(reproduced):
     def walk(value: Any) -> None:
         assert isinstance(value, dict | list | str | int | float | bool | None), type(value)
         assert not isinstance(value, np.generic)
@@ -209,13 +209,13 @@ def test_every_scheme_runs_once_in_each_case():
             assert Case(example, reading, scheme=scheme).held in listed
 
 
-def test_a_case_sets_its_parameters():
+def test_a_case_sets_the_parameters_of_its_scenario():
     scenario = scenario_of(Case("4.2", "off", "held", 2e-4, "nftsmc", 3e-4), {})
     assert (scenario.scheme, scenario.stepping.mode, scenario.period) == ("nftsmc", "held", 2e-4)
     assert float(scenario.controller.layer) == 3e-4 and scenario.description.disturbance.scale == 0.0
 
 
-def test_ftsmc_with_the_sign_settles_and_starts_as_computed_elsewhere():
+def test_ftsmc_settling_times_and_peak_torques_agree_with_independent_values():
     run = simulated(Case("4.1", "stated", scheme="ftsmc"), 2.0)
     assert table_3(run, "settling_time", 1e-3) == pytest.approx([1.027, 0.968], abs=0.003)
     assert analysis.peak_torque(run) == pytest.approx([88.21, 66.51], rel=1e-3)
@@ -233,7 +233,7 @@ def test_anftsmc_without_disturbance_settles_near_the_printed_times():
     assert wrong["peak_torque"] > [100.0 * peak for peak in analysis.peak_torque(run)]
 
 
-def test_sfsmc_starts_joint_3_as_computed_elsewhere():
+def test_initial_torque_of_sfsmc_at_joint_3_agrees_with_an_independent_value():
     run = simulated(Case("4.2", "stated", scheme="sfsmc"), 0.1)
     assert analysis.initial_torque(run)[2] == pytest.approx(44.4, rel=0.01)
 
@@ -246,7 +246,7 @@ def test_torque_travel_of_a_chattering_law_depends_on_the_step():
     assert mark_incomparable("why").kind == "unchecked"
 
 
-def test_bounds_have_their_terms_and_sum_up():
+def test_settling_bound_is_the_sum_of_its_reaching_and_sliding_terms():
     result = settling_bound(scenarios.load("example-4.1", {"scheme.name": "ftsmc"}))
     assert result is not None
     # K0 = I, k = 1, r = 1.2, n = 2, m1 + m2 = .29; k1 = 1.5, p = .5, k2 = 1, q = 1.2, and 2 for ρ0.
@@ -278,7 +278,7 @@ def test_bounds_have_their_terms_and_sum_up():
         (None, "unchecked"),
     ],
 )
-def test_a_number_is_reproduced_within_5_percent_and_close_within_20(computed, kind):
+def test_a_value_counts_as_reproduced_within_5_percent_and_as_close_within_20(computed, kind):
     assert compare_printed(100.0, computed).kind == kind
 
 
@@ -294,25 +294,25 @@ def test_a_number_is_reproduced_within_5_percent_and_close_within_20(computed, k
         (1.0e6, "differs: 1.0e4 times printed"),
     ],
 )
-def test_comparison_with_a_bound_is_worded_correctly(computed, text):
+def test_comparison_with_a_printed_value_has_the_right_wording(computed, text):
     assert compare_printed(100.0, computed).text == text
 
 
-def test_the_verdict_rule_does_not_depend_on_the_unit():
+def test_comparison_with_a_printed_value_does_not_depend_on_its_unit():
     for scale in (1e-12, 1.0, 1e9):
         assert compare_printed(4.92 * scale, 5.03 * scale) == compare_printed(4.92, 5.03)
 
 
-def test_a_missing_value_can_have_a_verdict_of_its_own():
+def test_a_missing_value_takes_the_supplied_verdict():
     never = PrintedComparison("differs", "never")
     assert compare_printed(1.0, None, never) == never and compare_printed(1.0, 1.0, never).kind == "reproduced"
 
 
-def test_a_limit_holds_for_smaller_values_only():
+def test_a_printed_limit_holds_only_for_values_below_it():
     assert compare_limit(8e-11, 7.99e-11).kind == "reproduced" and compare_limit(8e-11, 8e-11).kind == "differs"
     assert compare_limit(8e-11, 8e-7).text == "does not hold: 1.0e4 times the limit"
     assert compare_limit(8e-11, None).kind == "unchecked"
 
 
-def test_a_statement_has_a_verdict():
+def test_a_true_claim_is_reproduced_and_a_false_claim_differs():
     assert (printed.claim(True).kind, printed.claim(False).kind) == ("reproduced", "differs")

@@ -139,7 +139,7 @@ def some_offset(joints, seed):
 
 
 @pytest.mark.parametrize(("name", "seed"), [("ur5e", 0), ("panda", 1), *MORE])
-def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed):
+def test_encoder_offsets_are_identified_where_gravity_makes_them_observable(name, seed):
     known = getattr(sx.arms, name)()
     offset = some_offset(known.joints, seed)
     arm, log = pinocchio_log(name, seed, offset)
@@ -173,7 +173,7 @@ def test_offsets_of_encoders_are_identified_where_gravity_shows_them(name, seed)
     assert deviation < 0.01 or seed >= CLEAR
 
 
-def test_an_arm_file_has_the_offsets_of_its_encoders_and_a_law_uses_them(tmp_path):
+def test_identified_encoder_offsets_reach_the_laws_model_through_the_arm_file(tmp_path):
     known, offset = sx.arms.ur5e(), some_offset(6, 4)
     arm, log = pinocchio_log("ur5e", 4, offset)
     result = identify(log, known, encoder_offset=True)
@@ -227,7 +227,7 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
     assert abs(result.values("payload.mass")[0] - arm.payload.mass) < 4.0 * result.standard_errors("payload.mass")[0]
 
 
-def test_a_gain_that_a_log_shows_poorly_is_not_said_to_be_unknown_or_known():
+def test_a_poorly_observable_gain_is_reported_with_its_interval_and_a_warning():
     gains = np.diag(np.diag(some_gains(7, 3)))
     _, log = pinocchio_log("panda", 3, gains=gains)
     result = identify(log, sx.arms.panda(), actuator_map="gain")
@@ -241,7 +241,7 @@ def test_a_gain_that_a_log_shows_poorly_is_not_said_to_be_unknown_or_known():
     assert any(f"shows `{weak.label}` poorly: trust the interval" in sentence for sentence in result.warnings)
 
 
-def test_a_map_is_written_for_a_scenario_and_shown_on_the_command_line(tmp_path):
+def test_identify_prints_the_actuator_map_and_writes_it_to_the_arm_file(tmp_path):
     gains = some_gains(6, 0)
     _, log = pinocchio_log("ur5e", 0, gains=gains)
     head = ",".join(["time", *(f"{kind}_{k}" for kind in ("q", "tau") for k in range(1, 7))])
@@ -259,7 +259,7 @@ def test_a_map_is_written_for_a_scenario_and_shown_on_the_command_line(tmp_path)
     assert (np.abs(matrix - gains) < 4.0 * errors).all()
 
 
-def test_a_map_without_a_known_mass_or_of_interchanged_joints_is_refused_with_the_reason():
+def test_an_actuator_map_without_known_masses_or_with_swapped_torques_is_refused():
     _, log = pinocchio_log("ur5e", 0)
     with pytest.raises(DefinitionError, match="needs known masses"):
         identify(log, sx.arms.ur5e(), actuator_map="gain", links=True)

@@ -49,7 +49,7 @@ def test_pinocchio_confirms_the_tool_pose_along_a_path(name):
 
 
 @pytest.mark.parametrize("peer", ["pink", "mink"])
-def test_peer_reaches_the_same_posture_of_a_nonredundant_arm(peer):
+def test_pink_and_mink_reach_the_same_posture_of_a_nonredundant_arm(peer):
     """They step along velocities by quadratic programs; of six joints near one posture there is one answer."""
     package = pytest.importorskip(peer, reason="pip install pin-pink mink daqp")
     pytest.importorskip("daqp")

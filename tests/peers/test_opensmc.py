@@ -373,7 +373,7 @@ def test_difference_of_stepping_schemes_vanishes_at_first_order(name, how):
     assert 1e-5 < differences[-1] < 2e-2
 
 
-def test_fixed_time_bound_of_opensmc_holds_in_both():
+def test_opensmcs_fixed_time_bound_holds_for_slidaxs_reaching_law():
     """`1/(α (1-p)) + 1/(β (q-1))`, from starts up to 10^6 away, without a disturbance.
 
     It is stated as a settling time; what has settled by then is the sliding variable, see above.

@@ -128,7 +128,7 @@ def test_between_two_samples_the_plant_converges_at_the_order_of_its_step(integr
         pytest.param(plant_4_2(Constant(jnp.zeros(3))), law_4_2(layer=1.0), MOTION_4_2, START_4_2, id="scara"),
     ],
 )
-def test_the_papers_own_loop_agrees_with_scipy_while_its_error_is_large(plant, law, trajectory, start):
+def test_the_papers_closed_loop_agrees_with_scipy_while_its_error_is_large(plant, law, trajectory, start):
     """Until |ε1| first meets the smooth core the loop is smooth; with a wide layer it is not stiff either."""
     rate, y0 = closed_loop(plant, law, trajectory, start)
     run = simulate(plant, law, trajectory, start, t1=0.3, period=5e-4, mode="continuous", log_every=None, throw=True)

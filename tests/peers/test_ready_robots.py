@@ -35,7 +35,7 @@ def tip_of(name: str) -> str:
     ("by_peer", "model_of"), [(by_pinocchio, for_pinocchio), (by_mujoco, for_mujoco)], ids=["pinocchio", "mujoco"]
 )
 @pytest.mark.parametrize("name", built_in_names())
-def test_a_built_in_arm_moves_as_its_peer_computes(name, by_peer, model_of):
+def test_dynamics_of_a_built_in_arm_agree_with_pinocchio_and_mujoco(name, by_peer, model_of):
     states, ours = moved(name)
     assert_same(ours, by_peer(model_of(name), tip_of(name), arm(name).joint_names, states))
 
@@ -58,7 +58,7 @@ def without_the_hand(text: str, tip: str) -> str:
 
 
 @pytest.mark.parametrize(("name", "file"), [("panda", "panda.urdf"), ("xarm7", "xarm7.urdf")])
-def test_a_ready_robot_is_the_arm_in_the_file_of_example_robot_data(name, file):
+def test_a_built_in_arm_moves_like_the_urdf_of_example_robot_data(name, file):
     path = next(other.path for other in ARMS if other.name == file)
     with open(path, encoding="utf-8") as opened:
         text = without_the_hand(opened.read(), tip_of(name))
@@ -68,7 +68,7 @@ def test_a_ready_robot_is_the_arm_in_the_file_of_example_robot_data(name, file):
     assert_same(ours, by_slidax(other, states))
 
 
-def test_inertia_gravity_and_coriolis_forces_of_the_gen3_are_the_published_closed_forms():
+def test_inertia_gravity_and_coriolis_forces_of_the_gen3_agree_with_published_closed_forms():
     """Of pyKinovaGen3, whose formulas were derived by computer algebra; its tip is printed to fewer digits."""
     pytest.importorskip("kinova_gen3")
     from kinova_gen3.dynamics.coriolis import coriolis

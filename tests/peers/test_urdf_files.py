@@ -53,7 +53,7 @@ def motion_by_mujoco(arm: Arm, joint_names, states):
         *(pytest.param(arm, 1000, id=f"{arm.name}-full", marks=pytest.mark.full) for arm in (*ARMS, WALKER)),
     ],
 )
-def test_an_arm_from_urdf_moves_as_its_peer_computes(arm, count, peer):
+def test_dynamics_of_a_urdf_arm_agree_with_pinocchio_and_mujoco(arm, count, peer):
     robot = arm.read()
     states = random_states(robot, count)
     assert_same(by_slidax(robot, states), peer(arm, robot.joint_names, states))
@@ -101,7 +101,7 @@ FOLLOWING = {
 
 @pytest.mark.parametrize("text", FOLLOWING.values(), ids=FOLLOWING)
 @pytest.mark.filterwarnings("ignore::slidax.DefinitionWarning")
-def test_an_arm_with_followers_moves_as_in_pinocchio(text):
+def test_dynamics_of_an_arm_with_mimic_joints_agree_with_pinocchio(text):
     arm = from_urdf(text, limits=False)
     model = pinocchio.buildModelFromXML(text, mimic=True)
     assert tuple(model.names)[1:] == arm.arm.joint_names
@@ -118,7 +118,7 @@ def test_an_arm_with_followers_moves_as_in_pinocchio(text):
 
 
 @pytest.mark.parametrize(("file", "tip"), [("turned.urdf", "surface"), ("wall.urdf", "hand")])
-def test_an_arm_from_a_urdf_file_moves_as_in_pinocchio(file, tip):
+def test_inertia_and_bias_of_a_urdf_file_agree_with_pinocchio(file, tip):
     model = pinocchio.buildModelFromUrdf(str(FILES / file))
     ours = states_of(from_urdf(FILES / file, tip=tip), *STATES)
     for q, dq, mass, bias in zip(*STATES, ours.mass, ours.bias, strict=True):
@@ -128,7 +128,7 @@ def test_an_arm_from_a_urdf_file_moves_as_in_pinocchio(file, tip):
         np.testing.assert_allclose(bias, pinocchio.nle(model, data, q, dq), rtol=0, atol=1e-11)
 
 
-def test_position_range_is_no_torque_limit_and_other_limits_agree_with_mujoco():
+def test_an_mjcf_position_range_is_no_torque_limit_and_dynamics_agree_with_mujoco():
     arm = from_mjcf(FILES / "position.xml", tip="hand")
     assert np.isinf(np.asarray(arm.limits.torque)).all()
     model = mujoco.MjModel.from_xml_path(str(FILES / "position.xml"))

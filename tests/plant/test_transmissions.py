@@ -84,7 +84,7 @@ def run(
     return simulate(plant, law or Held(list(force)), Still(), state, t1=t1, **options)
 
 
-def test_a_sticking_joint_gives_way_by_the_force_over_the_bristles_stiffness():
+def test_a_sticking_joint_deflects_by_about_the_force_over_the_bristle_stiffness():
     force, overdamped = 0.05 * 0.45, LuGre(0.3, 0.45, 0.05, 1e4, 400.0)
     log = run(Transmission(overdamped), t1=2.0, force=[force]).log
     q, dq = np.asarray(log.state.q[-1]), np.asarray(log.state.dq[-1])
@@ -138,7 +138,7 @@ def test_stiff_bristles_are_stable_at_a_step_of_a_millisecond():
 
 
 @pytest.mark.parametrize("inertia", [0.1, 0.02])
-def test_a_spring_swings_at_the_resonance_of_two_masses(inertia):
+def test_an_elastic_joint_oscillates_at_the_resonance_of_motor_and_link(inertia):
     k, h = 800.0, 1e-4
     spring = Transmission(elasticity=Elasticity(k, inertia, encoder="motor"))
     log = run(spring, h=h, t1=0.5, law=Pulse([5.0], 0.5 * h)).log
@@ -190,7 +190,7 @@ def test_an_arm_with_friction_and_springs_converges_to_the_stiff_solver_with_ord
 
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])
-def test_the_encoder_is_where_it_is_declared(encoder):
+def test_the_encoder_measures_the_motor_or_the_link_as_declared(encoder):
     """A pendulum of 3 N m that a stiff law holds bends its spring by its weight over the stiffness."""
     elastic = Transmission(elasticity=Elasticity(600.0, 0.3, 3.0, encoder=encoder))
     law = Held([0.0], 40.0, 8.0)
@@ -231,7 +231,7 @@ def test_engines_and_batches_agree_on_an_arm_with_friction_and_springs():
     assert np.abs(np.asarray(runs[1].log.e) - np.asarray(native.e)).max() > 1e-6
 
 
-def test_friction_of_an_elastic_joint_is_the_motors():
+def test_friction_of_an_elastic_joint_acts_on_the_motor():
     """An arm whose motors are stuck moves by its springs alone."""
     stuck = Transmission(LuGre(50.0, 50.0, stiffness=1e6), Elasticity(500.0, 0.3, 30.0))
     plant = Plant(Pendulum(), Constant([10.0]), transmission=stuck)
@@ -268,13 +268,13 @@ def test_a_study_varies_friction_and_stiffness():
         ("panda-payload", {"simulation.plant": "mujoco"}, "set `simulation.plant` to `own`"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_a_remedy(name, changes, message):
+def test_invalid_transmissions_are_refused_with_a_remedy(name, changes, message):
     with pytest.raises(DefinitionError) as error:
         load(name, BOTH | changes).simulate()
     assert message in str(error.value)
 
 
-def test_the_remedy_for_fast_springs_suffices():
+def test_the_suggested_substeps_for_fast_springs_suffice_and_fewer_are_refused():
     stiff = BOTH | {"transmission.elasticity.stiffness": 3e7, "simulation.t1": 0.01}
     with pytest.raises(DefinitionError) as error:
         load(ARM, stiff).simulate()
@@ -284,7 +284,7 @@ def test_the_remedy_for_fast_springs_suffices():
         load(ARM, stiff | {"simulation.substeps": substeps - 1}).simulate()
 
 
-def test_continuous_mode_has_no_transmission():
+def test_a_transmission_in_continuous_mode_is_refused():
     with pytest.raises(DefinitionError, match="held"):
         run(Transmission(FRICTION), mode="continuous")
 
@@ -295,12 +295,12 @@ def test_no_certificate_covers_a_transmission():
     assert "LuGre" in verdict.statement
 
 
-def test_a_log_of_links_does_not_explain_a_law_that_measured_the_motors():
+def test_explanation_of_a_law_with_motor_encoders_is_refused():
     with pytest.raises(DefinitionError, match="encoder: link"):
         require_explainable(load(ARM, BOTH))
     assert require_explainable(load(ARM, BOTH | {"transmission.elasticity.encoder": "link"})) is not None
 
 
-def test_a_linear_loop_has_no_transmission():
+def test_linearisation_with_a_transmission_is_refused():
     with pytest.raises(DefinitionError, match="leave `transmission` out"):
         operating_point(load(ARM, BOTH), 0.1)

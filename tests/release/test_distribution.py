@@ -54,7 +54,7 @@ def test_the_wheel_is_for_every_system(wheel):
         assert "Requires-Python: >=3.11" in archive.read(metadata).decode()
 
 
-def test_the_sdist_makes_the_same_wheel(wheel, unpacked, tmp_path):
+def test_the_sdist_builds_the_same_wheel(wheel, unpacked, tmp_path):
     (again,) = WheelBuilder(str(unpacked)).build(directory=str(tmp_path), versions=["standard"])
     assert Path(again).read_bytes() == wheel.read_bytes()
 
@@ -71,7 +71,7 @@ def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked):
         assert (unpacked / link).exists(), link
 
 
-def test_extra_all_has_every_extra_but_those_for_gpus_or_with_other_licences():
+def test_extra_all_has_every_extra_except_cuda():
     named = [extra for line in EXTRAS["all"] for extra in line.split("]")[0].removeprefix("slidax[").split(",")]
     assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda"})
 
@@ -92,7 +92,7 @@ def test_every_remedy_names_an_existing_extra():
         ("CHANGELOG.md", r"^## \[(\d[^\]]*)\]"),
     ],
 )
-def test_the_version_is_the_same_everywhere(name, pattern):
+def test_the_version_is_the_same_in_package_citation_and_changelog(name, pattern):
     result = re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
     assert result and result[1] == PROJECT["version"]
 

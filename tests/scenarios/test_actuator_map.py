@@ -20,7 +20,7 @@ def run(**changes):
     return scenario, scenario.simulate(log_every=1, progress=False).log
 
 
-def test_law_that_knows_the_map_commands_its_inverse_and_moves_as_without_it():
+def test_a_known_actuator_map_is_inverted_and_the_motion_stays_unchanged():
     _, plain = run()
     _, mapped = run(actuator__map=MAP)
     np.testing.assert_allclose(mapped.state.q, plain.state.q, atol=1e-9)
@@ -30,13 +30,13 @@ def test_law_that_knows_the_map_commands_its_inverse_and_moves_as_without_it():
     assert np.abs(np.asarray(unknown.tau) @ np.array(MAP).T - plain.tau).max() > 1.0
 
 
-def test_true_map_is_the_plants_alone():
+def test_an_actuators_true_map_changes_the_plant_and_not_the_law():
     scenario, _ = run(actuator__map=MAP, actuator__true_map=[[1.0, 0.0], [0.0, 1.0]])
     np.testing.assert_array_equal(scenario.plant.actuator.map.matrix, np.eye(2))
     np.testing.assert_array_equal(scenario.controller.drives.matrix, MAP)
 
 
-def test_commands_keep_limits_that_the_joints_torques_reach():
+def test_commands_through_an_actuator_map_stay_within_torque_and_rate_limits():
     scenario, log = run(actuator__map=MAP, actuator__torque=30.0, actuator__rate=2000.0)
     tau = np.asarray(log.tau)
     box = np.asarray(scenario.controller.limits.torque)
@@ -49,7 +49,7 @@ def test_commands_keep_limits_that_the_joints_torques_reach():
 
 
 @needs_a_compiler
-def test_exported_law_has_the_map_as_in_python(tmp_path):
+def test_the_exported_c_law_applies_the_actuator_map_as_python_does(tmp_path):
     scenario, _ = run(actuator__map=MAP)
     export_c(scenario, tmp_path, name="law", golden=False)
     # The simulation has shown that these commands are the joints' torques through the inverse map.
@@ -65,11 +65,11 @@ def test_exported_law_has_the_map_as_in_python(tmp_path):
         ({"actuator.map": MAP, "scheme.sampled_data": None}, "needs a law that knows its drives"),
     ],
 )
-def test_map_that_is_none_or_that_no_law_knows_is_refused(changes, words):
+def test_an_invalid_or_unsupported_actuator_map_is_refused(changes, words):
     with pytest.raises(DefinitionError, match=words):
         sx.scenarios.load("example-4.1-1khz", changes)
 
 
-def test_no_certificate_claims_to_cover_a_map():
+def test_certificates_give_no_verdict_for_a_scenario_with_an_actuator_map():
     verdicts = certify(sx.scenarios.load("example-4.1-1khz", {"actuator.map": MAP})).verdicts
     assert all(verdict.holds is None for verdict in verdicts)

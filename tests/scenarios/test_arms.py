@@ -98,7 +98,7 @@ def same_numbers(first: Articulated, other: Articulated) -> bool:
     return bool(eqx.tree_equal(*(jax.tree.map(np.asarray, arm) for arm in (first, other))))
 
 
-def test_a_rotor_of_the_true_arm_alone_is_unknown_to_the_law():
+def test_rotor_inertia_of_the_plant_alone_does_not_enter_the_nominal_model():
     true, known, _ = arms({"kind": "ur5e", "plant": {"armature": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]}})
     np.testing.assert_array_equal(true.armature, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     np.testing.assert_array_equal(known.armature, np.zeros(6))
@@ -162,7 +162,7 @@ def test_an_invalid_robot_is_refused_with_the_path_of_its_field(robot, message):
         scenarios.parse(text(), {"robot": robot}).build("refused")
 
 
-def test_the_robots_own_limits_are_those_of_its_data_sheet():
+def test_the_plant_and_the_law_have_the_pandas_data_sheet_torque_limits():
     built = scenario()
     panda = robots.panda()
     expected = TorqueLimits(panda.limits.torque, panda.limits.torque_rate)
@@ -221,7 +221,7 @@ def test_limits_and_plants_that_do_not_fit_the_arm_are_refused(name, changes, me
         scenarios.load(name, changes)
 
 
-def test_mujoco_can_simulate_the_arm_with_a_table():
+def test_a_scenario_selects_the_mujoco_plant_with_or_without_a_table():
     own = scenario().plant
     assert isinstance(own, Plant)
     moved = scenario(simulation__plant="mujoco").plant

@@ -43,7 +43,7 @@ def largest(values: Any) -> float:
 
 
 @BOTH
-def test_at_1_khz_runs_stay_inside_with_a_small_error_and_a_smooth_torque(name):
+def test_runs_at_1_khz_stay_inside_the_envelope_with_small_error_and_smooth_torque(name):
     scenario, run = simulated_example(name)
     assert scenario.period == 1e-3
     assert_never_outside(run)
@@ -86,7 +86,7 @@ def test_near_100_hz_runs_stay_inside_the_envelope(name, delay, period):
     ("final", "delay"),
     [(0.01, 0), (0.002, 1), *(pytest.param(*case, marks=pytest.mark.full) for case in ((0.01, 1), (0.002, 0)))],
 )
-def test_with_encoders_alone_the_envelope_is_kept_and_the_torque_is_smooth(final, delay):
+def test_runs_with_encoders_alone_stay_inside_the_envelope_with_a_smooth_torque(final, delay):
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__delay": delay}
     run = simulated_example(TWO_LINK, scheme__performance__final=final, **changes)[1]
     assert_never_outside(run)
@@ -101,7 +101,7 @@ def test_runs_with_twenty_lost_samples_stay_inside_the_envelope(name, start):
 
 
 @SCARA_DAILY
-def test_with_encoders_alone_and_every_twentieth_sample_lost_the_envelope_is_kept(name):
+def test_runs_with_encoders_alone_and_5_percent_random_loss_stay_inside_the_envelope(name):
     changes = {"sensor__resolution": 1e-5, "sensor__velocity": "differenced", "sensor__loss__probability": 0.05}
     run = simulated_example(name, **changes)[1]
     assert_never_outside(run)
@@ -149,7 +149,7 @@ EVERY_OTHER = [
 
 
 @pytest.mark.parametrize(("name", "scheme"), EVERY_OTHER)
-def test_other_schemes_in_sampled_data_form_settle_as_well(name, scheme):
+def test_other_schemes_in_sampled_data_form_settle_to_a_small_error(name, scheme):
     run = simulated_example(name, scheme__name=scheme)[1]
     assert run.outcome.ok, run.outcome.message
     assert largest(analysis.settling_time(run, 1e-3)) <= 2.5 and largest(analysis.steady_error(run)) <= 5e-5
@@ -159,7 +159,7 @@ def test_other_schemes_in_sampled_data_form_settle_as_well(name, scheme):
 
 
 @TWO_LINK_DAILY
-def test_the_printed_law_at_this_rate_does_not_hold_the_envelope(name):
+def test_the_papers_continuous_law_diverges_or_leaves_the_envelope_at_1_khz(name):
     run = scenarios.load(name, {"scheme.sampled_data": None}).simulate(log_every=None, progress=False)
     assert run.outcome.kind in ("not_finite", "left_envelope")
 
@@ -226,7 +226,7 @@ def test_runs_with_static_friction_stay_inside_the_envelope(measured):
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["panda-table", "panda-drop"])
-def test_runs_with_table_contact_or_released_payload_stay_inside(name):
+def test_runs_with_table_contact_or_released_payload_stay_inside_the_envelope(name):
     pytest.importorskip("mujoco")
     scenario, run = simulated_arm(name)
     assert scenario.description.simulation.plant == "mujoco"
@@ -236,7 +236,7 @@ def test_runs_with_table_contact_or_released_payload_stay_inside(name):
 
 
 @pytest.mark.full
-def test_a_table_five_millimetres_too_high_causes_an_exit_and_a_recovery():
+def test_a_table_five_millimetres_too_high_makes_the_arm_leave_its_envelope_and_recover():
     pytest.importorskip("mujoco")
     run = simulated_arm("panda-table", **{"surroundings.table.height": 0.5353})[1]
     assert run.outcome.kind == "recovered", run.outcome.message

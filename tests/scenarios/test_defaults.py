@@ -25,7 +25,7 @@ WORST: list[tuple[str, int, str, float, tuple[str, ...], int]] = [
 
 
 @pytest.mark.parametrize(("name", "rate", "sensor", "delay", "changes", "arms"), WORST)
-def test_the_worst_defaults_do_not_diverge(name, rate, sensor, delay, changes, arms):
+def test_the_default_tuning_does_not_diverge_in_the_three_hardest_settings(name, rate, sensor, delay, changes, arms):
     setting = Setting(name, rate, sensor, delay)
     assert not diverging(setting, simulated(setting, arms, 5, changes)).any()
 
@@ -35,13 +35,13 @@ def test_the_worst_defaults_do_not_diverge(name, rate, sensor, delay, changes, a
 @pytest.mark.parametrize("sensor", SENSORS)
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_no_default_diverges(name, rate, sensor, delay):
+def test_the_default_tuning_does_not_diverge_at_any_rate_sensor_and_delay(name, rate, sensor, delay):
     setting = Setting(name, rate, sensor, delay)
     assert not diverging(setting, simulated(setting, 10, 38)).any()
 
 
 @pytest.mark.full
-def test_the_measure_of_divergence_finds_a_gain_that_is_too_large():
+def test_the_divergence_criterion_detects_an_excessive_estimator_gain():
     eager = {"estimator": {"kind": "measured", "gain": 0.7}}
     setting = Setting("panda-payload", 100, "velocity sensor", 1, tuple({"horizon": 0.02, **eager}.items()))
     assert diverging(setting, simulated(setting, 20, 5, HALF)).sum() >= 2
@@ -70,12 +70,12 @@ def test_default_loops_with_encoders_tolerate_half_to_five_quarters_of_the_true_
         assert least < 0.5 and largest > 1.25
 
 
-def test_a_filter_without_trend_has_no_undamped_mode():
+def test_an_estimator_without_disturbance_trend_leaves_no_undamped_mode_in_the_loop():
     loop = LinearLoop(1e-3, 12.0, 3.0, (0.2, 0.0, 0.0), measures_velocity=True)
     assert loop.radius() < 0.99 and np.all(np.isfinite(loop.stable_range()))
 
 
-def test_the_default_gain_respects_its_upper_limit():
+def test_the_default_estimator_gain_respects_its_upper_limit():
     assert float(Measured.tolerant(0.0, 0.1).gain) == 0.1 and float(Measured.tolerant(2.0, 0.1).gain) == 0.1
 
 
@@ -88,17 +88,17 @@ def bound_of(name: str, changes: dict) -> object:
 
 
 @pytest.mark.parametrize("name", ["panda-payload", "example-4.1-1khz", "example-4.2-1khz"])
-def test_a_scenario_without_a_bound_of_its_own_stays_inside(name):
+def test_a_scenario_with_the_default_uncertainty_bound_stays_inside_the_envelope(name):
     run = scenarios.load(name, {**NONE, "simulation.t1": 4.0}).simulate()
     assert analysis.envelope_violations(run) == 0
 
 
-def test_the_printed_law_has_the_gamma_of_its_stated_mismatch():
+def test_the_default_gamma_of_example_4_1_matches_its_stated_inertia_mismatch():
     bound = bound_of("example-4.1", {})
     assert float(bound.gamma) == pytest.approx(0.2, abs=1e-3) and float(bound.b2) > 0
 
 
-def test_a_heavier_payload_raises_the_default_bound_up_to_a_quarter_of_the_drives():
+def test_a_heavier_payload_raises_the_default_bound_up_to_a_quarter_of_the_drive_torque():
     strength = 87.0 * 2.0
     bounds = []
     for mass in (3.0, 6.0):
@@ -113,17 +113,17 @@ def test_a_heavier_payload_raises_the_default_bound_up_to_a_quarter_of_the_drive
     assert bounds[1] == pytest.approx(2.0 * bounds[0], rel=0.1)
 
 
-def test_given_bound_stays_and_only_the_rest_is_computed():
+def test_a_bound_term_in_the_file_is_kept_and_only_missing_terms_are_computed():
     bound = bound_of("panda-payload", {"scheme.bound.b0": 3.0})
     assert float(bound.b0) == 3.0 and float(bound.margin) > 0
 
 
-def test_m1_above_the_computed_m2_is_refused():
+def test_a_lower_inverse_inertia_bound_above_the_computed_upper_bound_is_refused():
     with pytest.raises(DefinitionError, match=r"eq\. 47"):
         bound_of("panda-payload", {"scheme.bound.inverse_inertia_min": 1e6})
 
 
 @pytest.mark.parametrize(("margin", "words"), [(0.5, "need"), (500.0, "all drives together")])
-def test_a_bound_of_another_arm_is_noticed_with_numbers(margin, words):
+def test_a_too_small_or_too_large_uncertainty_bound_causes_a_warning_with_its_value(margin, words):
     with pytest.warns(DefinitionWarning, match=rf"scheme.bound gives u = {margin:g} N m .*{words}"):
         scenarios.load("panda-payload", {"scheme.bound.margin": margin})

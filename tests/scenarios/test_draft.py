@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from slidax import analysis, scenarios
 from slidax.core.errors import DefinitionError, DefinitionWarning
@@ -87,7 +88,7 @@ def test_a_draft_runs_inside_its_envelope_also_with_an_unknown_payload(tmp_path,
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_a_ready_arm_moves_within_its_velocities_and_torques(tmp_path, name):
+def test_the_draft_motion_of_a_built_in_arm_stays_within_its_limits(tmp_path, name):
     (tmp_path / "a.yaml").write_text(draft(name, 500.0).text)
     scenario = scenarios.load(tmp_path / "a.yaml")
     nominal, t = scenario.controller.nominal, np.linspace(0.0, 8.0, 100)
@@ -191,7 +192,7 @@ SLIDING = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/
 <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="2" effort="300"/></joint>"""
 
 
-def test_a_single_joint_whose_tip_is_on_its_axis_has_a_posture(tmp_path):
+def test_a_draft_for_a_joint_with_its_tip_on_the_axis_stays_inside_the_envelope(tmp_path):
     text = SLIDE.format(SLIDING.format(k=0, kind="prismatic", parent="base"))
     # A division by zero would be a warning, which is an error in the tests.
     drafted, scenario = new(tmp_path, text, changes={"simulation.t1": 0.5})
@@ -199,7 +200,7 @@ def test_a_single_joint_whose_tip_is_on_its_axis_has_a_posture(tmp_path):
     assert analysis.envelope_violations(scenario.simulate()) == 0
 
 
-def test_a_velocity_shared_by_all_joints_has_the_units_of_all(tmp_path):
+def test_a_velocity_limit_shared_by_mixed_joints_is_reported_in_rad_s_or_m_s(tmp_path):
     kinds, parents = ("revolute", "prismatic", "revolute"), ("base", "l0", "l1")
     links = (SLIDING.format(k=k, kind=kind, parent=parents[k]) for k, kind in enumerate(kinds))
     (tmp_path / "arm.urdf").write_text(SLIDE.format("".join(links)))
@@ -210,7 +211,7 @@ def test_a_velocity_shared_by_all_joints_has_the_units_of_all(tmp_path):
 FOLLOWS = '<mimic joint="j2" multiplier="-1"/>'
 
 
-def test_an_arm_with_a_joint_that_follows_is_refused_with_a_tip_that_works(tmp_path):
+def test_an_arm_with_a_mimic_joint_is_refused_and_the_suggested_tip_works(tmp_path):
     text = arm().replace('<child link="fore"/>', '<child link="fore"/>' + FOLLOWS)
     with pytest.raises(DefinitionError, match=r"joint `j3` of .* follows another joint.*`--tip upper` ends the arm"):
         new(tmp_path, text, tip="wrist")
@@ -218,7 +219,7 @@ def test_an_arm_with_a_joint_that_follows_is_refused_with_a_tip_that_works(tmp_p
     assert scenario.controller.nominal.joint_names == ("j1", "j2")
 
 
-def test_a_file_of_leaders_and_followers_alone_needs_the_tip(tmp_path):
+def test_a_file_with_only_mimic_joints_and_their_leaders_needs_the_tip(tmp_path):
     text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
     with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
         new(tmp_path, text)
@@ -226,10 +227,17 @@ def test_a_file_of_leaders_and_followers_alone_needs_the_tip(tmp_path):
 
 @pytest.mark.full
 @pytest.mark.parametrize(("rate", "horizon"), [(1000.0, 0.01875), (500.0, 0.025), (250.0, 0.036)])
-def test_a_payload_that_couples_the_wrist_gets_a_horizon_that_holds(tmp_path, rate, horizon):
+def test_a_drafts_horizon_for_a_heavy_payload_keeps_the_arm_inside_its_envelope(tmp_path, rate, horizon):
     drafted = draft("gen3", rate, payload=4.0)
     (tmp_path / "arm.yaml").write_text(drafted.text)
     scenario = scenarios.load(tmp_path / "arm.yaml")
     assert scenario.description.scheme.sampled_data.horizon == horizon
     assert analysis.envelope_violations(scenario.simulate()) == 0
     assert any("the horizon is" in note for note in drafted.notes) == (horizon != max(0.025, 12 / rate))
+
+
+def test_a_draft_keeps_the_torque_rate_limits_of_the_arm():
+    limits = yaml.safe_load(draft("panda", 1000.0).text)["actuator"]
+    expected = np.minimum(20.0 * np.array(limits["torque"]), 1000.0)
+    np.testing.assert_allclose(limits["rate"], expected)
+    assert max(limits["torque"]) > 50.0

@@ -98,7 +98,7 @@ def test_the_scenario_in_the_documentation_runs_inside_its_envelope():
     assert scenarios.parse(text).build("documented").simulate(log_every=None).outcome.ok
 
 
-def test_the_documented_sensor_actuator_and_sampled_data_fit_the_documented_scenario():
+def test_the_documented_sensor_actuator_and_sampled_data_blocks_run_inside_the_envelope():
     blocks = DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n")
     (at_rate,) = (block for block in blocks if block.startswith("sensor:"))
     scenario, rate = blocks[1].split("```")[0], read_yaml(at_rate.split("```")[0])
@@ -162,13 +162,13 @@ def mass(scenario: scenarios.Scenario) -> float:
     return float(np.asarray(scenario.plant.robot.masses)[0])
 
 
-def test_files_are_found_from_the_folder_of_the_scenario(folder, monkeypatch):
+def test_relative_paths_in_a_scenario_file_start_at_its_folder(folder, monkeypatch):
     monkeypatch.chdir(folder / "elsewhere")
     assert mass(scenarios.load(folder / "task" / "one.yaml")) == 2.0
     assert mass(scenarios.load(Path("..") / "task" / "one.yaml")) == 2.0
 
 
-def test_a_file_set_by_an_override_is_found_from_the_current_folder(folder, monkeypatch):
+def test_relative_paths_in_an_override_start_at_the_current_folder(folder, monkeypatch):
     monkeypatch.chdir(folder / "elsewhere")
     changed = scenarios.load(folder / "task" / "one.yaml", {"robot.file": "arms/one.urdf"})
     assert mass(changed) == 3.0
@@ -188,14 +188,14 @@ def with_gain(scenario, k1):
     return scenario.replace(controller=eqx.tree_at(lambda c: c.surface.k1, scenario.controller, k1))
 
 
-def test_changes_of_the_caller_stay_as_they_are():
+def test_load_does_not_modify_the_callers_mapping_of_changes():
     changes = {"start": {"q": [0.1, 0.2], "dq": [0.0, 0.0]}, "start.q[0]": 0.3}
     start = scenarios.load("example-4.1-1khz", changes).state0
     assert changes == {"start": {"q": [0.1, 0.2], "dq": [0.0, 0.0]}, "start.q[0]": 0.3}
     np.testing.assert_array_equal(start.q, [0.3, 0.2])
 
 
-def test_replace_changes_parts_times_and_stepping_alone():
+def test_scenario_replace_returns_a_copy_that_differs_only_in_the_named_fields():
     before = scenarios.load("example-4.1")
     after = before.replace(state0=State([0.3, 2.4]), t1=0.05, period=1e-3, mode="held")
     assert (after.t1, after.period, after.stepping.mode) == (0.05, 1e-3, "held")
@@ -221,7 +221,7 @@ def test_a_replaced_controller_gives_its_name_to_the_scheme():
         ({"controler": None}, "a scenario has no field `controler`; did you mean `controller`?"),
     ],
 )
-def test_parts_that_do_not_fit_are_refused(change, message):
+def test_scenario_replace_refuses_unfitting_parts_and_unknown_fields(change, message):
     with pytest.raises(DefinitionError, match=message):
         BASE.replace(**change)
 

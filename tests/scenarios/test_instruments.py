@@ -98,7 +98,7 @@ def test_the_law_gets_delay_dead_time_and_limits_of_the_instruments():
     assert (ideal.delay, ideal.dead_time) == (0.0, 0.0) and eqx.tree_equal(ideal.limits, TorqueLimits())
 
 
-def test_a_printed_law_too_can_have_a_sensor_and_an_actuator():
+def test_a_law_without_sampled_data_form_runs_with_a_sensor_and_an_actuator():
     changes = {"simulation.mode": "held", "simulation.t1": 0.05, "sensor.resolution": 1e-4, "actuator.torque": 50}
     run = scenarios.load("example-4.1", changes).simulate(log_every=1)
     assert run.outcome.ok and run.log is not None and np.abs(run.log.tau).max() == 50
@@ -148,7 +148,7 @@ def test_a_sensor_by_kind_equals_the_sensor_of_the_short_fields(flat, instrument
     assert eqx.tree_equal(short.controller, other.controller)
 
 
-def test_encoders_and_another_sensor_are_not_both_described():
+def test_encoder_fields_together_with_another_sensor_are_refused():
     sensor = {"resolution": 1e-5, "instrument": {"kind": "exact"}}
     with pytest.raises(
         DefinitionError, match=r"^sensor.resolution: describes encoders, and `instrument` another sensor"
@@ -240,13 +240,13 @@ def test_the_default_estimator_extrapolates_no_trend_over_long_delays(delay, est
     assert eqx.tree_equal(law({}, **{"sensor.delay": delay}).estimator, estimator, rtol=1e-12)
 
 
-def test_without_a_sampled_data_block_the_law_is_the_printed_one():
+def test_a_scenario_without_a_sampled_data_block_has_the_papers_continuous_law():
     built = scenarios.load(NAME, {"scheme.sampled_data": None}).controller
     assert eqx.tree_equal(built, PRINTED)
 
 
 @pytest.mark.parametrize("name", SLIDING)
-def test_another_scheme_by_name_keeps_its_sampled_data_form(name):
+def test_a_scheme_chosen_by_name_keeps_the_files_sampled_data_form(name):
     changes = {"scheme.name": name, "scheme.sampled_data.horizon": 0.015}
     built = scenarios.load(NAME, changes).controller
     plain = scenarios.load(NAME, {"scheme.name": name, "scheme.sampled_data": None}).controller
@@ -260,7 +260,7 @@ def test_another_scheme_by_name_keeps_its_sampled_data_form(name):
         assert eqx.tree_equal((built.step.reaching, built.step.bound), (plain.reaching, plain.bound))
 
 
-def test_every_scheme_keeps_the_sampled_data_block_without_plan_settings():
+def test_switching_the_scheme_keeps_the_sampled_data_settings_that_the_new_scheme_supports():
     estimator = {"kind": "kalman"}
     scheme = {"name": "cftsmppc", "sampled_data": {"horizon": 0.02, "slopes": False, "estimator": estimator}}
     for name in set(SCHEMES) - {"cftsmppc"}:

@@ -232,7 +232,7 @@ def changed(**values: Any) -> Any:
     return validate_text(read_description("example-4.1-1khz").model_dump(exclude_none=True), changes).build("changed")
 
 
-def test_an_inverse_inertia_without_a_scale_is_refused_before_u_is_computed():
+def test_an_absurdly_large_inverse_inertia_bound_is_refused():
     with pytest.warns(DefinitionWarning, match="more than all drives"), pytest.raises(DefinitionError, match="at most"):
         changed(scheme__bound__inverse_inertia_max=1e200)
 
@@ -265,7 +265,7 @@ def test_a_list_that_is_too_long_is_refused_early(words):
     assert time.process_time() - before < SECONDS
 
 
-def test_an_outage_after_the_end_of_a_run_has_no_effect():
+def test_an_outage_after_the_end_of_a_run_is_accepted():
     changed(sensor__loss={"outages": [{"start": 1e308, "samples": 3}]})
 
 
@@ -283,7 +283,7 @@ def test_a_log_beyond_the_memory_is_refused_with_its_size_and_the_remedy():
     assert MOST_BYTES <= 10**9
 
 
-def test_yaml_aliases_count_with_their_content():
+def test_yaml_aliases_count_with_their_expanded_size_towards_the_limit():
     half = ", ".join(["1"] * 500)
     assert len(read_yaml(f"a: &a [{half}]\nb: [{', '.join(['*a'] * 100)}]")["b"]) == 100
     with pytest.raises(DefinitionError, match=str(MOST_VALUES)):

@@ -78,12 +78,12 @@ def parsed(own_file, kind="straight_surface:Straight", **values):
     return scenarios.parse(text, surface(kind, **({"slope": 0.6} | values)), folder=folder)
 
 
-def test_code_is_refused_unless_it_is_allowed(own_file):
+def test_a_users_surface_is_refused_unless_code_is_allowed(own_file):
     with pytest.raises(DefinitionError, match=r"scheme\.surface.*slidax --allow-code COMMAND"):
         parsed(own_file)
 
 
-def test_an_own_surface_runs_and_is_written_into_a_file_again(own_file):
+def test_a_users_surface_runs_and_survives_a_yaml_round_trip(own_file):
     scenarios.allow_code()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -111,7 +111,7 @@ def test_a_class_that_is_no_surface_is_refused(own_file, kind, message):
         parsed(own_file, kind)
 
 
-def test_values_of_an_own_class_are_checked_by_its_declarations(own_file):
+def test_parameters_of_a_users_surface_are_checked_against_its_declarations(own_file):
     scenarios.allow_code()
     with pytest.raises(DefinitionError, match="unknown key `slop`; did you mean `slope`"):
         parsed(own_file, slop=1.0)
@@ -119,7 +119,7 @@ def test_values_of_an_own_class_are_checked_by_its_declarations(own_file):
         parsed(own_file, slope=-1.0).build("own")
 
 
-def test_the_flag_of_the_command_line_allows_code(own_file, monkeypatch):
+def test_the_flag_allow_code_lets_a_scenario_run_a_users_class(own_file, monkeypatch):
     folder, text = own_file
     (folder / "mine.yaml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(folder)
@@ -146,13 +146,13 @@ def own_law(own_file):
     return of
 
 
-def test_an_own_law_is_refused_unless_code_is_allowed(own_law):
+def test_a_users_law_is_refused_unless_code_is_allowed(own_law):
     with pytest.raises(DefinitionError, match=r"scheme.*slidax --allow-code COMMAND"):
         own_law()
 
 
 @pytest.mark.parametrize("printed", [False, pytest.param(True, marks=pytest.mark.full)])
-def test_an_own_law_runs_as_the_same_law_of_the_package_and_is_written_into_a_file_again(own_law, own_file, printed):
+def test_a_users_law_runs_like_the_built_in_law_after_a_yaml_round_trip(own_law, own_file, printed):
     scenarios.allow_code()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -166,7 +166,7 @@ def test_an_own_law_runs_as_the_same_law_of_the_package_and_is_written_into_a_fi
     np.testing.assert_allclose(run.log.tau, expected.log.tau, rtol=1e-6, atol=1e-6)
 
 
-def test_values_of_an_own_law_are_checked_by_its_declarations(own_law):
+def test_parameters_of_a_users_law_are_checked_against_its_declarations(own_law):
     scenarios.allow_code()
     with pytest.raises(DefinitionError, match="unknown key `kq`"):
         own_law(kq=1.0)
@@ -176,7 +176,7 @@ def test_values_of_an_own_law_are_checked_by_its_declarations(own_law):
 
 @pytest.mark.full
 @needs_a_compiler
-def test_the_command_line_exports_an_own_law_to_c(own_file, monkeypatch):
+def test_the_command_line_exports_a_users_law_to_c(own_file, monkeypatch):
     folder, text = own_file
     (folder / "mine.yaml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(folder)

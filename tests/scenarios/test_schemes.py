@@ -45,7 +45,7 @@ BY_HAND = [
 
 
 @pytest.mark.parametrize(("scenario", "name", "changes", "by_hand"), BY_HAND, ids=[case[1] for case in BY_HAND])
-def test_a_scheme_by_name_is_the_one_of_the_papers_tables(scenario, name, changes, by_hand):
+def test_a_scheme_chosen_by_name_has_the_parameters_of_the_papers_tables(scenario, name, changes, by_hand):
     built = scenarios.load(scenario, {"scheme.name": name, **changes}).controller
     assert eqx.tree_equal(built, by_hand, typematch=False)
 
@@ -81,7 +81,7 @@ def test_a_scheme_without_an_envelope_drops_the_files_envelope_and_unknown_bound
     assert float(controller.bound.b0) == 12.0 and jax.tree.leaves(controller.transformation) == []
 
 
-def test_other_scheme_changes_apply_after_the_switch_in_any_order():
+def test_parameter_changes_apply_after_the_change_of_scheme_in_any_order():
     changes = {"scheme.surface.k1": 2.0, "scheme.name": "ftsmc", "scheme.reaching.layer": 0.05}
     for order in (changes, dict(reversed(changes.items()))):
         controller = scenarios.load("example-4.1", order).controller
@@ -152,13 +152,13 @@ COMPOSED = {
 
 
 @pytest.mark.parametrize(("changes", "holds"), COMPOSED.values(), ids=COMPOSED)
-def test_a_file_composes_the_same_controllers_as_python(changes, holds):
+def test_a_scenario_file_composes_a_controller_from_named_parts(changes, holds):
     short = {"simulation.t1": 0.02, "simulation.mode": "held"}
     scenario = scenarios.load("example-4.1", {**changes, **short})
     assert holds(scenario.controller) and scenario.simulate(log_every=None).outcome.ok
 
 
-def test_files_with_earlier_names_mean_the_same():
+def test_earlier_parameter_names_in_a_file_build_the_same_law_and_plant():
     now = {"inverse_inertia_min": 0.1, "inverse_inertia_max": 0.3, "b0": 1.0, "b1": 2.0, "b2": 3.0, "margin": 4.0}
     earlier = {"inertia_min": 0.1, "inertia_max": 0.3, "constant": 1.0, "position": 2.0, "velocity": 3.0, "margin": 4.0}
     loaded = [scenarios.load("example-4.1", {"scheme.bound": bound}).controller for bound in (now, earlier)]
@@ -214,7 +214,7 @@ def test_wrong_scheme_is_refused_with_its_path(changes, message):
         scenarios.load("example-4.1", changes)
 
 
-def test_the_documented_rows_of_table_2_are_the_rivals_of_example_4_2():
+def test_the_documented_schemes_of_table_2_match_the_papers_parameters():
     text = "- name" + DOCUMENTED.read_text(encoding="utf-8").split("```yaml\n- name")[1].split("```")[0]
     rows = read_yaml(text)
     by_hand = {"nftsmc": nftsmc_4_2(), "anftsmc": anftsmc_4_2(), "sfsmc": sfsmc_4_2()}

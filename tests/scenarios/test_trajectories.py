@@ -68,14 +68,14 @@ CASES: list[tuple[dict[str, Any], AbstractMotion]] = [
 
 
 @pytest.mark.parametrize(("trajectory", "expected"), CASES, ids=[str(number) for number in range(len(CASES))])
-def test_a_scenario_names_the_motion_that_python_makes(trajectory, expected):
+def test_a_trajectory_block_builds_the_same_motion_as_python(trajectory, expected):
     scenario = loaded(trajectory)
     assert eqx.tree_equal(scenario.trajectory, expected, rtol=1e-12, atol=1e-12)
     assert scenario.simulate(log_every=None).outcome.kind in ("ok", "left_envelope")
 
 
 @pytest.mark.parametrize(("kind", "content"), [("csv", CSV), ("joint_trajectory", json.dumps(ROS_MESSAGE))])
-def test_a_file_is_named_from_the_current_directory(kind, content, tmp_path, monkeypatch):
+def test_a_trajectory_file_is_read_from_the_current_folder(kind, content, tmp_path, monkeypatch):
     (tmp_path / "motion.txt").write_text(content, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     built = loaded({"kind": kind, "file": "motion.txt", "joints": JOINTS}).trajectory
@@ -145,7 +145,7 @@ def test_a_table_can_be_text_in_the_scenario_file():
     assert eqx.tree_equal(described(read_yaml(text)).build(), TABLE)
 
 
-def test_an_unknown_key_is_refused():
+def test_an_unknown_key_of_a_trajectory_is_refused():
     with pytest.raises(ValidationError, match="unknown key `velocty`"):
         described({"kind": "csv", "text": CSV, "velocty": 1.0})
 
@@ -187,7 +187,7 @@ def ends_of(scenario: Scenario) -> list[float]:
 
 
 @pytest.mark.parametrize("joints", [("elbow", "shoulder", "wrist"), ("wrist", "elbow", "shoulder")])
-def test_motions_of_single_joints_can_be_listed_in_any_order(file, joints):
+def test_a_trajectory_file_may_list_its_joints_in_any_order(file, joints):
     motion = message(*joints)
     rows = [",".join(["time", *joints]), *(",".join(map(str, [t, *p])) for t, p in _rows(motion))]
     echoed = file.parent / "echoed.yaml"
@@ -200,7 +200,7 @@ def test_motions_of_single_joints_can_be_listed_in_any_order(file, joints):
         assert ends_of(loaded_on(file, **trajectory)) == list(AIM.values())
 
 
-def test_a_finger_is_omitted_with_a_warning_that_names_it(file):
+def test_the_motion_of_a_gripper_finger_is_omitted_with_a_warning_that_names_it(file):
     motion = json.dumps(message("finger1", "shoulder", "elbow", "wrist"))
     with pytest.warns(DefinitionWarning, match="`finger1` is not a joint of the robot and is left out"):
         assert ends_of(loaded_on(file, kind="joint_trajectory", text=motion)) == list(AIM.values())
@@ -231,7 +231,7 @@ def test_a_tool_path_in_milliseconds_causes_a_warning():
         warn_of_units(described, Tabulated.through([0.0, 2000.0], [[0.0], [1.0]]), 3.0)
 
 
-def test_nanoseconds_of_a_message_are_suspected(file):
+def test_a_joint_trajectory_message_in_nanoseconds_causes_a_warning(file):
     motion = json.dumps(message("shoulder", "elbow", "wrist", at=(0, 2_000_000_000)))
     with pytest.warns(DefinitionWarning, match=r"the text lasts 2e\+09 s.*are its times in ns?"):
         loaded_on(file, kind="joint_trajectory", text=motion)
@@ -281,7 +281,7 @@ simulation: {period: 1e-3, t1: 0.02}
 """ % ((home("panda").tolist(),) * 2)
 
 
-def test_tool_path_is_the_motion_of_follow_and_can_be_written_again():
+def test_a_tool_path_equals_the_motion_of_follow_and_survives_a_yaml_round_trip():
     built = parse(TEXT).build("circle")
     arm = built.plant.robot
     followed = follow(
@@ -297,7 +297,7 @@ def test_tool_path_is_the_motion_of_follow_and_can_be_written_again():
     assert built.simulate().outcome.ok
 
 
-def test_a_table_of_poses_travels_with_the_scenario(tmp_path):
+def test_a_portable_scenario_contains_its_table_of_tool_positions(tmp_path):
     place = [0.3070195700, 0.0, 0.5902695582]
     rows = "\n".join(f"{t},{place[0]},{y},{place[2]}" for t, y in ((0, 0), (0.5, 0.02), (1, 0.05)))
     (tmp_path / "tool.csv").write_text(f"time,x,y,z\n{rows}\n")

@@ -35,7 +35,7 @@ def fits(values: np.ndarray, distribution: Any) -> bool:
     return bool(stats.kstest(values, distribution).pvalue > 1e-3)
 
 
-def test_between_is_uniform_unless_another_distribution_is_named():
+def test_values_between_two_ends_are_uniform_unless_another_distribution_is_named():
     between = {"between": [0.5, 2.0]}
     assert fits(drawn("disturbance.scale", between), stats.uniform(0.5, 1.5).cdf)
     log = drawn("disturbance.scale", {**between, "distribution": "log_uniform"})
@@ -46,7 +46,7 @@ def test_between_is_uniform_unless_another_distribution_is_named():
     assert fits(normal, stats.truncnorm(-1.0, 2.0, 1.0, 0.5).cdf)
 
 
-def test_around_is_relative_in_percent_or_absolute():
+def test_values_around_the_nominal_vary_by_percent_or_by_an_absolute_amount():
     share = drawn("robot.plant.masses", {"around": "20 %"})
     assert np.allclose(share.min(axis=0), [0.4, 1.2], rtol=1e-3) and np.allclose(
         share.max(axis=0), [0.6, 1.8], rtol=1e-3
@@ -73,7 +73,7 @@ def test_a_ball_is_filled_evenly_in_all_directions():
     assert np.allclose(np.linalg.norm(on - np.array([0.0, 0.0, 0.1]), axis=1), 0.05)
 
 
-def test_a_choice_keeps_its_weights_and_a_seed_may_be_any():
+def test_choices_follow_their_weights_and_the_choice_any_draws_distinct_seeds():
     delays = drawn("sensor.delay", {"choice": [1, 2, 5], "weights": [1, 2, 1]})
     values, counts = np.unique(delays, return_counts=True)
     assert values.tolist() == [1, 2, 5] and np.allclose(counts / 4000, [0.25, 0.5, 0.25], atol=0.03)
@@ -81,7 +81,7 @@ def test_a_choice_keeps_its_weights_and_a_seed_may_be_any():
     assert seeds.dtype.kind == "i" and len(np.unique(seeds)) > 3990
 
 
-def test_starts_are_inside_the_envelope_and_reach_its_share():
+def test_drawn_starts_fill_the_requested_share_of_the_envelope():
     sets_family = family({"start": {"inside": "envelope", "share": 0.5}})
     q = sets_family.space.values(CUBE)["start.q"]
     loaded = scenarios.load(NAME)
@@ -117,7 +117,7 @@ def test_the_law_does_not_depend_on_the_drawn_values():
     assert not all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(told.controller), leaves[1], strict=False))
 
 
-def test_file_of_identify_is_an_uncertainty_as_it_stands(tmp_path):
+def test_standard_errors_in_an_identified_arm_file_serve_as_an_uncertainty_set(tmp_path):
     arm = tmp_path / "arm.yaml"
     arm.write_text(
         'robot:\n  kind: "panda"\n  nominal: {armature: [0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05]}\n'
@@ -163,8 +163,8 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"disturbance.scale": {"inside": "envelope"}}, "is for `start`"),
     ({"start": {"inside": "envelope", "share": 1.5}}, "< 1"),
     ({"start": {"inside": "box"}}, "envelope"),
-    ({"scheme.surface.k1": {"around": "20 %"}}, "belongs to the law or simulation"),
-    ({"simulation.period": {"around": "20 %"}}, "belongs to the law or simulation"),
+    ({"scheme.surface.k1": {"around": "20 %"}}, "is a setting of the law or simulation"),
+    ({"simulation.period": {"around": "20 %"}}, "is a setting of the law or simulation"),
     ({"file": "nothing.yaml"}, "cannot read"),
     ({"robot.plant.masses": {"ball": -1}}, ">= 0"),
     ({"sensor.delay": {"choice": [-1]}}, ">= 0"),
@@ -173,7 +173,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("sets", "words"), BAD)
-def test_a_bad_set_is_one_line_that_names_the_path_before_anything_runs(sets, words):
+def test_an_invalid_uncertainty_set_is_refused_in_one_line(sets, words):
     with pytest.raises(DefinitionError) as caught:
         family(sets)
     message = str(caught.value)
@@ -185,7 +185,7 @@ PANDA = read_description("panda-payload")
 
 
 @pytest.mark.parametrize("path", ["start.q[3]", "start.q[panda_joint4]", "start.q[Panda-Joint4]", "start.q.3"])
-def test_a_joint_is_set_by_name_or_index(path):
+def test_a_joints_entry_of_a_list_is_set_by_name_or_index(path):
     changed = alter_description(PANDA, {path: -1.75})
     expected = list(PANDA.start.q)
     expected[3] = -1.75
@@ -225,7 +225,7 @@ def test_an_invalid_index_is_refused_with_the_valid_ones(path, words):
     assert words in str(caught.value)
 
 
-def test_the_command_line_accepts_brackets():
+def test_the_option_set_of_the_command_line_accepts_indices_in_brackets():
     result = in_process("run", "example-4.1", "--set", "start.q[0]=0.05", "--set", "simulation.t1=0.01", "--json")
     assert result.exit_code == 0, result.output
 
@@ -239,7 +239,7 @@ def test_the_command_line_accepts_brackets():
         ("robot.plant.load.center", "robot.plant.load.center[2]", "robot.plant.load.center[2]"),
     ],
 )
-def test_a_label_names_the_joint_and_can_be_set(path, column, label):
+def test_the_label_of_an_uncertain_value_names_its_joint_and_is_a_valid_path(path, column, label):
     sets: Any = TypeAdapter(Uncertainty).validate_python({path: {"around": 0.01, "each": "joint"}})
     family = Family.of(PANDA, sets)
     assert family.label(column) == label

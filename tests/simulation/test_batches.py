@@ -45,7 +45,7 @@ def test_each_run_of_a_batch_has_its_outcome(runs):
 
 
 @pytest.mark.parametrize("which", [0, 1, -1])
-def test_run_of_a_batch_is_the_run_alone(which):
+def test_an_indexed_run_of_a_batch_equals_the_single_run_with_its_outcome(which):
     runs = simulate_batch(falling, RADII, **HOW, engine="native")
     alone = simulate(*falling(RADII[which]), **HOW, engine="native")
     assert runs[which].outcome == alone.outcome
@@ -54,7 +54,7 @@ def test_run_of_a_batch_is_the_run_alone(which):
         np.testing.assert_array_equal(ours, theirs)
 
 
-def test_runs_of_a_batch_are_counted_picked_and_iterated(runs):
+def test_a_batch_supports_length_indexing_slicing_and_iteration(runs):
     assert len(runs) == 3 == len(list(runs))
     assert [len(run.log.t) for run in runs] == [3, 11, 4] == np.sum(runs.log.valid, axis=1).tolist()
     assert runs.tally.samples.tolist() == [3, 11, 4]
@@ -65,14 +65,14 @@ def test_runs_of_a_batch_are_counted_picked_and_iterated(runs):
         _ = runs.outcome
 
 
-def test_a_single_run_is_no_sequence_but_has_outcomes():
+def test_a_single_run_has_outcomes_but_no_length():
     run = simulate(*falling(RADII[1]), **HOW)
     assert run.outcomes == [run.outcome] and bool(run)
     with pytest.raises(TypeError, match="a single run has no length"):
         len(run)
 
 
-def test_inside_a_transformation_a_run_has_no_outcome():
+def test_a_run_inside_a_jax_transformation_has_no_outcome():
     def inside(radius):
         run = simulate(*falling(radius), **HOW)
         with pytest.raises(DefinitionError, match="read `fault`"):
@@ -82,7 +82,7 @@ def test_inside_a_transformation_a_run_has_no_outcome():
     assert [outcome.kind for outcome in jax.vmap(inside)(RADII).outcomes][1] == "ok"
 
 
-def test_runs_of_a_batch_stay_a_tree_of_arrays(runs):
+def test_a_batch_of_runs_is_a_pytree_for_jit_and_vmap(runs):
     worst = jax.jit(jax.vmap(lambda run: jnp.max(run.tally.peak_torque)))(runs)
     np.testing.assert_array_equal(worst, np.max(runs.tally.peak_torque, axis=1))
     assert jax.jit(lambda runs: runs)(runs).outcomes == runs.outcomes
@@ -139,7 +139,7 @@ def test_each_run_has_its_own_random_numbers():
 
 
 @pytest.mark.full
-def test_a_batch_inside_jit_uses_xla():
+def test_a_batch_inside_jit_equals_the_batch_outside():
     def error(gain):
         return simulate_batch(shifted, (gain, jnp.zeros(2)), t1=0.05, period=1e-3).tally.steady_error
 
@@ -148,7 +148,7 @@ def test_a_batch_inside_jit_uses_xla():
 
 
 @pytest.mark.parametrize("varied", [(), jnp.zeros(()), (jnp.zeros(3), jnp.zeros(2)), jnp.zeros((0, 2))])
-def test_arrays_without_one_first_axis_are_refused(varied):
+def test_varied_arrays_without_a_common_first_axis_are_refused(varied):
     with pytest.raises(DefinitionError, match="first axis"):
         simulate_batch(shifted, varied, **TIMES)
 
@@ -159,7 +159,7 @@ def run(layer, shift):
     return simulate(plant_4_1(), law, MOTION_4_1, start, t1=1.0, period=1e-3, log_every=10)
 
 
-def test_a_batch_of_runs_equals_single_runs():
+def test_vmapped_runs_equal_single_runs():
     """Invariants, not trajectories: to 1e-9 of their size; counts and faults exactly."""
     layers, shifts = jnp.array([0.1, 0.3]), jnp.array([0.0, 0.02])
     many = jax.jit(jax.vmap(run))(layers, shifts)
@@ -180,7 +180,7 @@ def test_a_batch_of_runs_equals_single_runs():
     ],
     ids=["encoders", "differenced", "encoders and the paper's law"],
 )
-def test_the_gradient_through_encoders_is_that_of_the_loop_without_their_rounding(sensor, law, gain, step):
+def test_the_gradient_through_encoders_equals_that_of_the_loop_without_quantization(sensor, law, gain, step):
     """Without the straight-through derivative it is off by 7 %, by a third, and by 1.5 %."""
 
     def squared_error(change, sensor):
@@ -202,7 +202,7 @@ def final_error_and_effort(law, mode="held"):
 
 
 @pytest.mark.parametrize("mode", ["held", pytest.param("continuous", marks=pytest.mark.full)])
-def test_gradients_match_differences(mode):
+def test_gradients_match_finite_differences(mode):
     def final_error(k2):
         return final_error_and_effort(eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2), mode)[0]
 
@@ -218,7 +218,7 @@ def test_gradients_match_differences(mode):
 
 # Reverse mode through a whole run takes long to compile; with a simpler law it is tried every day, above.
 @pytest.mark.full
-def test_gradients_by_all_gains_are_finite_and_mostly_nonzero():
+def test_gradients_with_respect_to_all_gains_are_finite_and_mostly_nonzero():
     def final_error(k2):
         return final_error_and_effort(eqx.tree_at(lambda c: c.surface.k2, law_4_1(), k2))[0]
 
@@ -232,7 +232,7 @@ def test_gradients_by_all_gains_are_finite_and_mostly_nonzero():
 
 
 @pytest.mark.full
-def test_the_gradient_by_the_arms_mass_exists():
+def test_the_gradient_with_respect_to_a_link_mass_matches_finite_differences():
     """Plant and nominal robot are leaves like the gains: what identification and design both need."""
 
     def final_angle(plant):

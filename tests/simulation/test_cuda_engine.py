@@ -37,7 +37,7 @@ def test_a_batch_on_emulated_gpu_has_the_bits_of_the_native_engine(card):
 
 
 @needs_gxx
-def test_runs_that_end_early_have_the_same_end(card):
+def test_runs_that_end_early_on_emulated_gpu_equal_those_of_the_native_engine(card):
     done, expected = (simulate_batch(falling, RADII, **HOW, engine=engine) for engine in ("cuda", "native"))
     assert done.fault.kind.tolist() == [1, 0, 1]
     assert_same(done, expected)
@@ -64,7 +64,7 @@ def test_a_single_run_uses_the_cpu_with_a_warning():
     assert_same(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)
 
 
-def test_without_a_gpu_a_batch_is_refused_with_what_is_missing():
+def test_a_batch_without_a_gpu_is_refused_with_the_missing_requirement():
     if cuda.card_available():
         pytest.skip("there is a card")
     with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|no NVIDIA GPU"):

@@ -195,7 +195,7 @@ def starts(shift):
 
 
 @pytest.mark.parametrize("where", ["rule", *(pytest.param(w, marks=pytest.mark.full) for w in ("builder", "compiler"))])
-def test_any_failure_of_native_code_is_named_and_xla_runs(monkeypatch, where):
+def test_any_native_compiler_failure_is_reported_and_the_run_uses_xla(monkeypatch, where):
     def fails(*_, **__):
         raise AssertionError("never thought of")
 

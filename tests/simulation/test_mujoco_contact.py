@@ -69,7 +69,7 @@ def pressing(depth):
     return done, tips(done.log.state.q)[:, 2].min() - RADIUS_OF_TIP - height
 
 
-def test_a_touch_of_half_a_millimetre_stays_within_the_envelope():
+def test_table_contact_half_a_millimetre_deep_stays_within_the_envelope():
     free, above = pressing(-0.005)
     assert free.outcome.ok and 0.0045 < above < 0.0055
     touching, above = pressing(0.0005)
@@ -79,7 +79,7 @@ def test_a_touch_of_half_a_millimetre_stays_within_the_envelope():
     assert touching.tally.peak_torque[3] > free.tally.peak_torque[3] + 1.0
 
 
-def test_pressing_five_millimetres_deep_leaves_the_envelope_and_comes_back():
+def test_pressing_five_millimetres_into_the_table_leaves_the_envelope_and_recovers():
     """Nothing follows into a rigid table: the error is what the table leaves of it, until the reference goes up."""
     pressed, above = pressing(0.005)
     assert -2e-4 < above < 0
@@ -119,7 +119,7 @@ def test_a_released_payload_falls_onto_the_table_and_comes_to_rest():
 
 
 @pytest.mark.parametrize("inertia", [0.0, [0.0, 0.006, 0.006], [0.004, 0.009, 0.006]])
-def test_a_point_a_rod_and_a_brick_fall_and_come_to_rest(inertia):
+def test_released_point_rod_and_brick_payloads_fall_onto_the_table_and_rest(inertia):
     load = TimedPayload(Payload(0.5, (0.0, 0.02, 0.1), np.diag(np.broadcast_to(inertia, 3))), released=0.3)
     plant = MujocoPlant(NOMINAL, Constant(jnp.zeros(7)), load=load, surroundings=Table(0.2))
     state = State(q=jnp.asarray(HOME), dq=jnp.linspace(-0.5, 0.5, 7))

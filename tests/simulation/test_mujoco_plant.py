@@ -85,7 +85,7 @@ def mechanics(arm, q, dq, tau):
 
 
 @BY_TURNS
-def test_mujoco_agrees_with_slidax_before_with_and_after_a_payload(name):
+def test_mujocos_inertia_bias_acceleration_and_tip_match_slidax_with_and_without_payload(name):
     robot = ARMS[name]
     n = robot.joints
     world = World(MujocoPlant.of(plant_of(robot, load=LOAD)), 1e-4, State(q=jnp.zeros(n), dq=jnp.zeros(n)))
@@ -120,7 +120,7 @@ def test_a_released_payload_starts_with_the_velocity_of_the_tip():
 
 
 @BY_TURNS
-def test_equal_steps_give_the_run_of_slidax(name):
+def test_mujoco_with_semi_implicit_euler_gives_the_run_of_slidax(name):
     """Semi-implicit Euler, with a load that comes and goes, and a push that changes within the periods."""
     n = ARMS[name].joints
     loop = smooth_loop(ARMS[name], load=LOAD, disturbance=Harmonic(jnp.full(n, 3.0), 900.0, 0.3))
@@ -215,7 +215,7 @@ def test_the_law_is_called_once_a_period_with_the_state_at_the_sample():
     np.testing.assert_array_equal(log.signals["q"], log.state.q)
 
 
-def test_a_run_in_mujoco_ends_outside_its_envelope_or_at_infinity_as_in_slidax(tmp_path, monkeypatch):
+def test_a_mujoco_run_that_leaves_its_envelope_or_diverges_ends_as_in_slidax(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plant, law, motion, start = smooth_loop(TREE)
     still = State(q=motion.position(jnp.zeros(())), dq=motion.reference(jnp.zeros(())).dq)
@@ -255,7 +255,7 @@ def test_options_that_mujoco_lacks_are_refused():
         Table(0.0, 0.0)
 
 
-def test_without_mujoco_the_remedy_is_named(monkeypatch):
+def test_a_missing_mujoco_is_reported_with_the_install_command(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     plant, *rest = smooth_loop(TREE)
     with pytest.raises(DefinitionError, match=r"which is not installed: pip install 'slidax\[robots\]'"):

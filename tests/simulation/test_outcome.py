@@ -29,7 +29,7 @@ def printed_law_at_1_khz(mode):
 
 
 @pytest.mark.parametrize(("mode", "when"), [("continuous", 5.51), ("held", 4.85)])
-def test_printed_law_leaves_its_envelope_at_1_khz_and_the_earlier_log_is_kept(mode, when):
+def test_the_papers_law_leaves_its_envelope_at_1_khz_and_the_earlier_log_is_kept(mode, when):
     run = printed_law_at_1_khz(mode)
     outcome, log, tally = run.outcome, run.log, run.tally
     assert (outcome.kind, outcome.ok, outcome.joint) == ("left_envelope", False, 1)
@@ -52,7 +52,7 @@ def test_printed_law_leaves_its_envelope_at_1_khz_and_the_earlier_log_is_kept(mo
 
 
 @pytest.mark.parametrize("mode", ["continuous", "held"])
-def test_an_unlogged_run_ends_the_same_way(mode):
+def test_an_unlogged_run_has_the_outcome_of_the_logged_run(mode):
     run = simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, log_every=None, **AT_1_KHZ)
     logged = printed_law_at_1_khz(mode).outcome
     assert run.log is None
@@ -82,7 +82,7 @@ def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mod
     assert int(run.tally.violations) == (mode == "held")
 
 
-def test_an_error_that_leaves_only_inside_a_step_is_found_in_continuous_mode():
+def test_an_envelope_violation_between_samples_is_detected_in_continuous_mode_only():
     """The samples themselves all lie inside: a stage in between does not."""
 
     class Window(BoundedLaw):
@@ -100,7 +100,7 @@ def test_an_error_that_leaves_only_inside_a_step_is_found_in_continuous_mode():
 
 
 @pytest.mark.parametrize("mode", ["continuous", "held"])
-def test_throw_raises_the_outcome_and_hands_over_the_run(mode):
+def test_throw_raises_an_error_with_the_outcome_and_the_run(mode):
     with pytest.raises(OutcomeError, match="Joint 1 left its envelope") as caught:
         simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, mode=mode, throw=True, **AT_1_KHZ)
     assert caught.value.outcome == printed_law_at_1_khz(mode).outcome
@@ -137,12 +137,12 @@ def test_an_error_on_its_bound_is_outside_on_either_side(target):
     assert np.sign(run.outcome.error) == np.sign(target)
 
 
-def test_a_good_run_says_that_it_reached_its_end():
+def test_a_run_without_faults_has_outcome_ok_without_time_or_joint():
     run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, throw=True)
     assert (run.outcome.ok, run.outcome.t, run.outcome.joint) == (True, None, None)
 
 
-def test_messages_name_joints_that_have_names() -> None:
+def test_outcome_messages_use_joint_names_where_the_robot_has_them() -> None:
     numbers = {"t": 0.5, "joint": 1, "error": 0.2, "bound": 0.1}
     fault = Fault(kind=jnp.asarray(1), **{name: jnp.asarray(value) for name, value in numbers.items()})
     outcome = describe_outcome(fault, None, 0, 1e-3, ("rad", "m"), ("base yaw", "lift"))

@@ -30,7 +30,7 @@ def last_above(run, band):
     return np.asarray(run.tally.last_above)[BANDS.index(band)] * 1e-4
 
 
-def test_continuous_run_has_the_recomputed_numbers():
+def test_example_4_1_in_continuous_mode_matches_the_recomputed_metrics():
     tally = run().tally
     assert run().outcome.ok
     assert (int(tally.violations), int(tally.samples)) == (0, 100_001)
@@ -46,7 +46,7 @@ def test_continuous_run_has_the_recomputed_numbers():
 
 
 @pytest.mark.parametrize("integrator", [runge_kutta_4, semi_implicit_euler])
-def test_run_with_a_held_torque_has_nearly_the_same_numbers(integrator):
+def test_example_4_1_with_a_held_torque_matches_the_recomputed_metrics(integrator):
     held = run("held", integrator)
     assert held.outcome.ok
     assert int(held.tally.violations) == 0

@@ -35,7 +35,7 @@ def over(log, radius=0.1):
     return np.abs(log.e) - radius
 
 
-def test_outcome_of_a_recovered_run_has_exit_return_count_and_size():
+def test_a_recovered_outcome_has_exit_and_return_times_error_bound_and_largest_excess():
     done = came_back()
     beyond = over(done.log)
     outside = np.flatnonzero((beyond >= 0).any(axis=1))
@@ -52,7 +52,7 @@ def test_outcome_of_a_recovered_run_has_exit_return_count_and_size():
     assert int(done.tally.violations) == len(outside)
 
 
-def test_message_of_a_recovered_run_has_exit_return_count_and_size():
+def test_a_recovered_message_has_exit_and_return_times_sample_count_and_largest_excess():
     done, outcome = came_back(), came_back().outcome
     worst = int(np.argmax(over(done.log).max(axis=0))) + 1
     assert outcome.message == (
@@ -74,7 +74,7 @@ def test_the_outcome_does_not_depend_on_what_is_logged():
     assert run(log_every=None).outcome == came_back().outcome
 
 
-def test_a_run_that_is_outside_at_its_end_has_left():
+def test_a_run_that_ends_outside_its_envelope_has_outcome_left_envelope():
     end = came_back().outcome.t + PERIOD
     done = run(t1=end)
     assert over(done.log)[-1].max() >= 0
@@ -86,7 +86,7 @@ def test_a_run_that_is_outside_at_its_end_has_left():
         assert words in outcome.message
 
 
-def test_the_joint_that_left_first_is_named_also_if_another_one_left_later_and_farther():
+def test_the_outcome_names_the_joint_that_left_first_even_if_another_leaves_farther():
     start = State(q=PUSHED.q, dq=jnp.array([3.0, 2.0]))
     done = run(start=start)
     beyond = over(done.log)
@@ -100,12 +100,12 @@ def test_the_joint_that_left_first_is_named_also_if_another_one_left_later_and_f
     assert "(joint 2)" in done.outcome.message
 
 
-def test_a_single_sample_outside_is_counted_in_the_singular():
+def test_the_message_for_a_single_sample_outside_is_in_the_singular():
     outcome = run(t1=came_back().outcome.t).outcome
     assert "is outside at the end: 1 sample was outside, by" in outcome.message
 
 
-def test_a_run_that_started_outside_says_so_with_error_and_bound():
+def test_the_message_of_a_run_that_starts_outside_has_error_and_bound():
     start = State(q=jnp.array([np.pi / 2 + 0.3, 0.05]), dq=jnp.zeros(2))
     outcome = run(start=start, law=SPRING).outcome
     assert (outcome.kind, outcome.t, outcome.joint) == ("recovered", 0.0, 1)
@@ -132,7 +132,7 @@ def test_a_run_that_stayed_inside_has_outcome_ok():
     assert int(done.tally.violations) == 0
 
 
-def test_a_run_without_an_envelope_cannot_leave_one():
+def test_a_run_without_an_envelope_has_outcome_ok():
     done = simulate(SMOOTH_PLANT, RINGING, STILL, PUSHED, t1=1.0, period=PERIOD, outside="recover")
     assert done.outcome.ok
 
@@ -153,7 +153,7 @@ def test_a_recovered_run_raises_on_request():
 
 
 @pytest.mark.parametrize("log_every", [1, None])
-def test_outcome_of_a_printed_law_outside_points_to_the_sampled_data_form(log_every):
+def test_the_message_for_a_continuous_law_outside_recommends_the_sampled_data_form(log_every):
     extra = {"t1": 10.0, "period": 1e-3, "log_every": log_every}
     done = simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, outside="recover", **extra)
     outcome = done.outcome

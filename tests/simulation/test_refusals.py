@@ -38,7 +38,7 @@ def attempt(plant=None, law=None, trajectory=MOTION_4_1, start=START_4_1, **time
         ({"log_every": 0}, r"`log_every` must be in \[1, 1e\+09\], or None for no log; got 0"),
     ],
 )
-def test_times_that_do_not_fit_are_refused(change, message):
+def test_invalid_durations_periods_substeps_and_log_intervals_are_refused(change, message):
     with pytest.raises(DefinitionError, match=message):
         attempt(**change)
 
@@ -61,7 +61,7 @@ def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):
 
 
 @pytest.mark.parametrize(("t1", "period", "samples"), [(0.3, 0.1, 4), (1.0, 1 / 3, 4), (0.7, 0.07, 11)])
-def test_a_whole_number_of_periods_is_found_in_spite_of_rounding(t1, period, samples):
+def test_a_duration_of_whole_periods_is_accepted_in_spite_of_rounding(t1, period, samples):
     run = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=t1, period=period)
     assert int(run.tally.samples) == samples
 
@@ -97,7 +97,7 @@ def test_a_start_without_any_error_is_accepted():
         (State(q=START_4_1.q, dq=jnp.array([jnp.inf, 0.0])), r"`state0.dq` must be finite; it is not for joint 1"),
     ],
 )
-def test_a_wrong_start_is_refused(start, message):
+def test_a_start_of_wrong_length_or_with_non_finite_entries_is_refused(start, message):
     with pytest.raises(DefinitionError, match=message):
         attempt(start=start)
 
@@ -131,7 +131,7 @@ def test_sampled_parts_are_refused_in_continuous_mode(change, message):
         attempt(mode="continuous", **change)
 
 
-def test_a_sampled_data_law_that_is_made_for_another_period_is_refused():
+def test_a_sampled_data_law_designed_for_another_period_is_refused():
     law = sampled_data(law_4_1(), period=2e-3)
     assert attempt(law=law, period=2e-3).outcome.ok
     with pytest.raises(DefinitionError, match=r"designed for a period of 0.002 s; it cannot be sampled every 0.001 s"):

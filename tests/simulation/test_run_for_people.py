@@ -61,13 +61,13 @@ def test_a_batch_prints_its_outcomes_and_the_worst_run():
     assert "\nworst" in text
 
 
-def test_inside_a_transformation_a_run_is_printed_as_a_tree():
+def test_a_run_inside_a_jax_transformation_prints_as_a_pytree():
     printed = []
     jax.jit(lambda run: printed.append(repr(run)))(simulate(*falling(RADII[1]), **HOW))
     assert printed[0].startswith("Run(")
 
 
-def test_a_notebook_gets_a_table_and_a_picture(scara):
+def test_a_notebook_shows_a_run_as_a_table_and_an_error_plot(scara):
     page = ElementTree.fromstring(f"<div>{scara._repr_html_().replace('<br>', '<br/>')}</div>")
     assert [row[0].text for row in page.iter("tr")][1:] == list(scara.joint_names)
     (picture,) = page.iter("{http://www.w3.org/2000/svg}svg")
@@ -104,7 +104,7 @@ def test_the_log_is_a_data_frame_with_names_and_units(scara, monkeypatch):
         simulate_batch(falling, RADII, **HOW).frame()
 
 
-def test_without_pandas_or_a_log_the_remedy_is_named(scara, monkeypatch):
+def test_a_missing_pandas_is_reported_with_the_install_command(scara, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[frame\]'"):
         scara.frame()

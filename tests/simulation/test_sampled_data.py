@@ -31,7 +31,7 @@ def run(*law, t1=0.3, **changed):
 
 # A batch inside `jit` is compiled by XLA; a simpler law is tried so every day in `test_batch_and_gradient.py`.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
-def test_a_batch_over_starts_and_seeds_equals_single_runs_also_outside(engine):
+def test_a_batch_over_starts_and_seeds_equals_single_runs_also_outside_the_envelope(engine):
     shifts, seeds = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5], [0.0, 0.0]]), jnp.array([0, 0, 1, 2])
 
     def lossy(seed):
@@ -88,7 +88,7 @@ def with_gains(x):
 
 # The step itself is differentiated by XLA every day, too, in `tests/laws/test_controllers.py`.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
-def test_the_gradient_by_a_gain_matches_differences(engine):
+def test_the_gradient_with_respect_to_a_gain_matches_finite_differences(engine):
     how = {"t1": 0.1, **HOW}
     goal = MOTION_4_1.position(jnp.asarray(0.1))
 

@@ -138,7 +138,7 @@ def by_scipy(samples):
     return np.array(states)
 
 
-def test_dead_time_and_lag_reach_the_arm():
+def test_actuator_dead_time_and_lag_match_an_independent_integration():
     start = State(q=jnp.array([0.8]), dq=jnp.zeros(1))
 
     def simulated(actuator):

@@ -24,12 +24,12 @@ def test_a_stepping_and_its_fields_as_keywords_give_the_same_run():
     assert_same_numbers(coarse, simulate(*LOOP, t1=0.2, stepping=Stepping(period=0.02)))
 
 
-def test_a_keyword_replaces_a_field():
+def test_a_keyword_overrides_the_field_of_the_stepping():
     changed = simulate(*LOOP, t1=0.2, stepping=Stepping(period=0.1, substeps=4), period=0.02, substeps=1)
     assert_same_numbers(changed, simulate(*LOOP, t1=0.2, period=0.02))
 
 
-def test_a_batch_takes_a_stepping():
+def test_a_batch_with_a_stepping_equals_the_single_run():
     def define(q):
         return SMOOTH_PLANT, SPRING, MOTION_4_1, type(START_4_1)(q, START_4_1.dq)
 
@@ -44,7 +44,7 @@ def test_a_batch_takes_a_stepping():
         ({"perod": 0.1}, "there is no argument `perod`; did you mean `period`?"),
     ],
 )
-def test_impossible_arguments_are_refused(change, message):
+def test_a_missing_period_and_an_unknown_argument_are_refused(change, message):
     with pytest.raises(DefinitionError, match=message):
         simulate(*LOOP, t1=0.2, **change)
 
@@ -54,7 +54,7 @@ def test_a_traced_period_is_refused():
         jax.jit(lambda period: simulate(*LOOP, t1=0.2, period=period).state.q)(0.02)
 
 
-def test_a_misspelled_word_is_refused_and_not_taken_for_the_default():
+def test_misspelled_options_of_a_stepping_are_refused():
     code = """
 import jax
 jax.config.update("jax_enable_x64", True)

@@ -25,13 +25,13 @@ def run(log_every, mode="held"):
 
 
 @pytest.mark.parametrize("log_every", [None, 7, 100])
-def test_tally_does_not_depend_on_what_is_logged_and_a_thinner_log_is_a_part_of_the_full_one(log_every):
+def test_the_tally_and_a_thinned_log_agree_with_those_of_a_fully_logged_run(log_every):
     thin, whole = run(log_every), run(1)
     assert_same((thin.tally, thin.state), (whole.tally, whole.state))
     assert_same(thin.log, log_every and jax.tree.map(lambda x: x[::log_every], whole.log))
 
 
-def test_there_are_n_plus_one_samples_for_n_periods():
+def test_a_run_of_n_periods_has_n_plus_1_samples():
     log = run(1).log
     assert int(run(1).tally.samples) == SAMPLES
     assert len(log.t) == len(log.k) == len(log.tau) == SAMPLES
@@ -42,7 +42,7 @@ def test_there_are_n_plus_one_samples_for_n_periods():
 
 
 @pytest.mark.parametrize("mode", ["held", "continuous"])
-def test_the_statistics_are_their_definitions_over_the_full_log(mode):
+def test_tally_statistics_match_their_definitions_on_the_full_log(mode):
     done = run(1, mode)
     assert done.outcome.ok
     log, tally = done.log, done.tally
@@ -77,7 +77,7 @@ def test_the_statistics_are_their_definitions_over_the_full_log(mode):
     assert int(tally.violations) == 0
 
 
-def test_first_sample_is_the_start_and_the_last_one_the_state():
+def test_the_first_logged_state_is_the_start_and_the_last_is_the_final_state():
     state = run(1).log.state
     for logged, expected in ((state.q[0], START_4_1.q), (state.dq[0], START_4_1.dq)):
         np.testing.assert_array_equal(logged, expected)
@@ -110,7 +110,7 @@ def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log
     assert_same((chunked.tally, chunked.log, chunked.state), (whole.tally, logged.log, whole.state))
 
 
-def test_memory_passes_between_samples_and_the_next_reference_is_one_period_later():
+def test_the_law_gets_its_memory_back_and_the_reference_one_period_ahead():
     done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01)
     np.testing.assert_array_equal(done.log.signals["count"], np.arange(51.0))
     moved = np.diff(done.log.reference.q, axis=0)
@@ -142,7 +142,7 @@ def test_the_torque_step_into_the_last_quarter_is_not_counted_there():
 
 
 @pytest.mark.parametrize("log_every", [None, 30_000])
-def test_the_stiff_printed_loop_has_the_same_bits_for_any_log(log_every):
+def test_the_tally_of_stiff_example_4_1_is_bit_identical_for_any_log_interval(log_every):
     """A loop of a single turn is compiled otherwise: with these numbers it once rounded otherwise."""
 
     def tally(log_every):

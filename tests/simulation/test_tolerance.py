@@ -19,13 +19,13 @@ def run(tolerance, engine="auto", **changes) -> Run:
 
 
 @pytest.mark.parametrize("engine", ["native", "xla"])
-def test_a_tolerance_like_the_schemes_envelope_has_its_margin_to_the_bit(engine):
+def test_a_tolerance_band_equal_to_the_envelope_has_exactly_the_envelope_margin(engine):
     watched = run(OWN, engine, **{"scheme.sampled_data": None})
     np.testing.assert_array_equal(analysis.tolerance_margin(watched), analysis.envelope_margin(watched))
     assert analysis.tolerance_violations(watched) == analysis.envelope_violations(watched) == 0
 
 
-def test_a_tolerance_changes_no_bit_and_without_one_there_is_no_tally_of_it():
+def test_a_tolerance_band_changes_no_result_and_only_adds_its_metrics():
     plain, watched = run(None), run(NARROW)
     np.testing.assert_array_equal(plain.log.tau, watched.log.tau)
     np.testing.assert_array_equal(plain.log.state.q, watched.log.state.q)
@@ -38,7 +38,7 @@ def test_a_tolerance_changes_no_bit_and_without_one_there_is_no_tally_of_it():
 
 
 @pytest.mark.parametrize("scheme", ["gravity_pd", "cftsmppc"])
-def test_every_scheme_is_counted_against_the_tolerance_by_the_log_of_all_samples(scheme):
+def test_tolerance_violations_and_margin_match_the_full_log(scheme):
     narrow = run(NARROW, **{"scheme.name": scheme})
     rho = 0.95 * np.exp(-20.0 * narrow.log.t)[:, None] + 0.05
     sides = np.where(narrow.log.e[0] >= 0, [[-0.5], [1.0]], [[-1.0], [0.5]])
@@ -67,7 +67,7 @@ def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
     assert np.all(margins[1] != margins[0])
 
 
-def test_a_tolerance_that_does_not_fit_is_refused_in_one_line():
+def test_an_invalid_tolerance_band_is_refused_with_the_reason():
     small = {**OWN, "performance": {**FIXED_TIME, "initial": [0.5, 0.6]}}
     with pytest.raises(DefinitionError, match=r"must be inside the tolerance band.*got e\(0\) = -0.6 for joint 1"):
         run(small)

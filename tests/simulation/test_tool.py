@@ -30,7 +30,7 @@ def test_the_rotation_error_has_a_finite_gradient_at_zero():
     assert np.isfinite(slope).all()
 
 
-def test_the_tool_error_of_an_arm_from_a_file_is_that_of_its_frames():
+def test_the_tools_rotation_error_matches_scipy_rotations():
     arm = arms.panda()
     rng = np.random.default_rng(4)
     tally, yes = ToolTally.begin(arm), jnp.asarray(True)

@@ -50,7 +50,7 @@ def assert_close(ours, theirs, rtol):
 
 
 @pytest.mark.parametrize("mode", ["held", "continuous"])
-def test_the_gradient_matches_differences(mode):
+def test_the_gradient_matches_finite_differences(mode):
     value, gradient = value_and_gradient(last_error, define, AT, mode=mode, **HOW, engine="native")
     run = simulate(*define(AT), mode=mode, log_every=None, **HOW, engine="native")
     assert float(value) == pytest.approx(float(last_error(run)), rel=1e-13)
@@ -74,7 +74,7 @@ def test_reverse_mode_gives_the_same_gradient():
 
 
 @pytest.mark.full
-def test_a_metric_may_read_the_log():
+def test_the_gradient_of_a_metric_of_the_log_matches_finite_differences():
     def mean_square(run):
         return jnp.mean(run.log.e**2)
 

@@ -14,7 +14,7 @@ def test_no_parameter_outside_its_range_is_accepted():
 
 @pytest.mark.full
 @pytest.mark.parametrize("joints", range(1, 8))
-def test_no_certified_quantity_of_an_arm_is_exceeded(joints):
+def test_simulated_arms_never_exceed_a_certified_bound(joints):
     for judge, numbers in (
         (continuous.judged_settling, (4, 100)),
         (continuous.judged_ultimate, (4, 100)),
@@ -28,7 +28,7 @@ def test_no_certified_quantity_of_an_arm_is_exceeded(joints):
 
 @pytest.mark.full
 @pytest.mark.parametrize("joints", range(1, 8))
-def test_monitor_warns_before_any_run_leaves_if_the_state_is_measured(joints):
+def test_the_monitor_warns_before_any_run_leaves_its_envelope_if_the_state_is_measured(joints):
     count = Counted()
     warned.judged(1, 2, 100, joints, count)
     assert count.missed == 0 and count.refused > 0

@@ -99,7 +99,7 @@ def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name
     ],
 )
 @pytest.mark.filterwarnings("ignore:scheme.bound gives u")
-def test_the_bound_of_armour_is_kept_ten_times_over_with_masses_at_an_end_of_their_range(scheme, gains):
+def test_tracking_errors_stay_below_a_tenth_of_armours_bound_with_the_heaviest_masses(scheme, gains):
     armour = task("gen3-armour")
     heavier = {"robot.plant.mass_factor": 1.03, "robot.plant.load.mass": 0.927}
     described = BenchmarkEntry(scheme, "sampled-data").described(armour).changed({**heavier, **gains})
@@ -121,7 +121,7 @@ def test_training_and_held_out_cases_are_disjoint():
     assert not np.isclose(training[:, None], held[None]).all(axis=2).any()
 
 
-def test_a_round_is_stored_and_repeated_only_for_another_version(results, small):
+def test_benchmark_results_are_stored_and_recomputed_only_for_another_version(results, small):
     first, out = results
     assert len(first.by_key) == 2 and not any(isinstance(each, str) for each in first.by_key.values())
     for (_, entry), result in first.by_key.items():
@@ -159,7 +159,7 @@ def test_a_users_scheme_is_tuned_in_every_positive_parameter():
     assert entry.described(task("panda-payload")).scheme.name == "stiffer"
 
 
-def test_a_mistake_in_a_users_law_is_named_and_a_changed_law_runs_anew(tmp_path, monkeypatch):
+def test_an_error_in_a_users_law_is_reported_and_a_changed_law_runs_again(tmp_path, monkeypatch):
     file = tmp_path / "a_users_law.py"
     monkeypatch.syspath_prepend(tmp_path)
     wrong, right = USERS_LAW.replace("- self.kp", "- self.kq"), USERS_LAW
@@ -207,7 +207,7 @@ def result(inside, error, failed=None):
     return TaskResult({}, 0.0, inside, failed, dict.fromkeys(KEPT, error), 1.0)
 
 
-def test_a_clearly_larger_share_wins_whatever_the_error():
+def test_a_scheme_with_clearly_more_cases_inside_ranks_first_despite_a_larger_error():
     rng = np.random.default_rng(0)
     table = ranking(
         "t", {FIRST: result([True] * 100, rng.uniform(2, 3, 100)), OTHER: result([False] * 100, np.ones(100))}
@@ -216,7 +216,7 @@ def test_a_clearly_larger_share_wins_whatever_the_error():
     assert not table.scores[1].leads and table.scores[1].interval.upper < 0.05
 
 
-def test_errors_decide_between_equal_shares_case_by_case():
+def test_paired_errors_decide_between_schemes_with_equal_shares_inside():
     rng = np.random.default_rng(1)
     error = rng.lognormal(size=200)
     inside = rng.random(200) < 0.95
@@ -229,7 +229,7 @@ def test_errors_decide_between_equal_shares_case_by_case():
 
 
 @pytest.mark.full
-def test_chance_alone_is_rarely_significant():
+def test_equal_schemes_differ_significantly_in_at_most_8_percent_of_comparisons():
     rng = np.random.default_rng(2)
     wrong = 0
     for _ in range(200):
@@ -239,7 +239,7 @@ def test_chance_alone_is_rarely_significant():
     assert wrong <= 16
 
 
-def test_failed_cases_enter_no_median_and_a_missing_error_ranks_last():
+def test_failed_cases_are_excluded_from_medians_and_a_missing_error_ranks_last():
     failed = [True] * 5 + [False] * 5
     half = result([False] * 5 + [True] * 5, [np.nan] * 5 + [1.0] * 5, failed)
     table = ranking("t", {FIRST: half, OTHER: result([False] * 10, [np.nan] * 10, [True] * 10)})
@@ -251,13 +251,13 @@ def test_failed_cases_enter_no_median_and_a_missing_error_ranks_last():
     assert "**cftsmppc (sampled-data)** is the best, with 50 % of the cases inside" in summarise_tasks([table])[0]
 
 
-def test_a_task_that_no_scheme_keeps_has_no_best():
+def test_a_task_whose_tolerance_no_scheme_keeps_has_no_best_scheme():
     table = ranking("t", {FIRST: result([False] * 9, np.ones(9)), OTHER: result([False] * 9, 2 * np.ones(9))})
     assert table.best is None and summarise_tasks([table]) == ["no scheme keeps the tolerance band in any case"]
     assert all(each.best == each.leads == 0 for each in rank_overall([table], [FIRST, OTHER]))
 
 
-def test_holm_matches_his_paper():
+def test_holm_adjusted_p_values_match_a_worked_example():
     np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
     assert holm([]) == [] and holm([0.7, 0.9]) == [1.0, 1.0]
 
@@ -269,7 +269,7 @@ def columns(outcome, outside, error, margin=0.1, t=np.nan):
     }
 
 
-def test_costs_rank_a_case_inside_before_one_outside_before_one_that_ended_early():
+def test_tuning_costs_rank_cases_inside_then_cases_outside_then_cases_that_ended_early():
     scale = Scale(initial=1.0, final=0.01, torque=10.0)
     cases = [
         columns(0, 0, 1e-4),
@@ -287,5 +287,6 @@ def test_costs_rank_a_case_inside_before_one_outside_before_one_that_ended_early
     assert mark_failures(columns(0, 9, 1.5), scale)[0]
 
 
-def test_a_share_is_0_or_100_percent_only_if_exact():
+def test_a_share_is_printed_as_0_or_100_percent_only_if_exact():
     assert [percent(share) for share in (1.0, 0.9975, 0.5, 0.0025, 0.0)] == ["100 %", "99.8 %", "50 %", "0.2 %", "0 %"]
+    assert [percent(share) for share in (0.99996, 0.0004)] == ["99.9 %", "0.1 %"]

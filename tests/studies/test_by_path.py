@@ -22,7 +22,7 @@ def test_set_in_python_equals_the_option_of_the_command(scenario):
         scenario.replace(t1=0.2).set({GAIN: 0.4})
 
 
-def test_each_run_of_a_sweep_is_the_run_of_its_value(scenario):
+def test_a_run_of_a_sweep_equals_the_single_run_with_its_values(scenario):
     gains = [0.5, 0.2, 0.35]
     runs = scenario.sweep({GAIN: gains, "start.q": [[0.1, 2.1], [0.0, 2.1], [0.1, 2.0]]})
     assert len(runs) == 3
@@ -41,13 +41,13 @@ def test_each_run_of_a_sweep_is_the_run_of_its_value(scenario):
         ({"simulation.period": [1e-3, 2e-3]}, "cannot vary within a compiled loop"),
     ],
 )
-def test_a_bad_sweep_is_refused(scenario, values, message):
+def test_a_sweep_with_unequal_lists_or_invalid_paths_or_values_is_refused(scenario, values, message):
     with pytest.raises(DefinitionError, match=message):
         scenario.sweep(values)
 
 
 @pytest.mark.parametrize("metric", ["rms_error", rms_error])
-def test_gradient_of_a_metric_is_its_difference_quotient(scenario, metric):
+def test_the_gradient_of_a_metric_matches_finite_differences(scenario, metric):
     value, slope = scenario.grad(metric, GAIN)
     own, step = 0.2, 1e-4
     assert scenario.description.scheme.surface.k1 == own
@@ -56,7 +56,7 @@ def test_gradient_of_a_metric_is_its_difference_quotient(scenario, metric):
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
 
 
-def test_gradient_by_several_paths_is_a_mapping_and_lists_stay_lists(scenario):
+def test_gradients_with_respect_to_several_paths_are_returned_as_a_mapping(scenario):
     _, slopes = scenario.grad("rms_error", [GAIN, "start.q"])
     assert list(slopes) == [GAIN, "start.q"] and slopes["start.q"].shape == (2,)
 

@@ -44,7 +44,7 @@ MORE = {
 }
 
 
-def test_each_row_equals_the_single_run_of_its_scenario_bit_for_bit():
+def test_each_case_of_a_study_equals_its_single_run_bit_for_bit():
     of = cases("example-4.1-1khz", MORE, {**SHORT, "sensor.position_noise": 1e-6})
     values = drawn(of, 40)
     table = of.run(values)
@@ -54,7 +54,7 @@ def test_each_row_equals_the_single_run_of_its_scenario_bit_for_bit():
     assert len(np.unique(table["rms_error"])) == 40
 
 
-def test_a_row_does_not_depend_on_the_others():
+def test_the_results_of_a_case_do_not_depend_on_the_other_cases():
     of = cases("example-4.1-1khz", UNCERTAIN, SHORT)
     values = drawn(of, 20)
     whole = of.run(values)
@@ -65,7 +65,7 @@ def test_a_row_does_not_depend_on_the_others():
 
 @pytest.mark.full
 @pytest.mark.parametrize("scenario", ["panda-payload", "ur5e-payload"])
-def test_every_uncertain_quantity_of_an_arm_can_be_drawn(scenario):
+def test_a_case_with_every_uncertain_quantity_of_an_arm_equals_its_single_run(scenario):
     sets = {
         "robot.plant.mass_factor": {"around": "20 %", "each": "joint"},
         "robot.plant.load.mass": {"between": [0.1, 2]},
@@ -92,7 +92,7 @@ def test_both_engines_have_the_same_rows_up_to_rounding():
         assert same(table, row, {name: xla[name][row : row + 1] for name in xla}, rtol=1e-7)
 
 
-def test_each_period_needs_its_own_loop_and_too_many_are_refused(monkeypatch):
+def test_cases_with_different_periods_equal_single_runs_and_too_many_periods_are_refused(monkeypatch):
     base = alter_description(read_description("example-4.1-1khz"), SHORT)
     sets = {"simulation.period": {"choice": [0.001, 0.002]}, "disturbance.scale": {"between": [0, 1]}}
     family = Family.of(base, {}, type(base).model_validate({**base.model_dump(), "uncertainty": sets}).uncertainty)

@@ -55,7 +55,7 @@ def test_a_missing_scheduler_address_has_its_remedy(tmp_path, monkeypatch):
 IN_PROCESS = {"processes": False, "dashboard_address": None, "threads_per_worker": 1, "n_workers": 1}
 
 
-def test_a_client_of_the_user_stays_open():
+def test_a_users_dask_client_stays_open_after_use():
     import distributed
 
     with distributed.LocalCluster(**IN_PROCESS) as farm, distributed.Client(farm, set_as_default=False) as client:
@@ -65,7 +65,7 @@ def test_a_client_of_the_user_stays_open():
 
 
 @pytest.mark.full
-def test_a_client_of_the_user_computes_the_rows_of_one_process(tmp_path):
+def test_a_users_dask_client_computes_the_same_rows_as_a_single_process(tmp_path):
     import distributed
 
     ran(tmp_path / "here", runs=64)
@@ -150,7 +150,7 @@ def kill_workers(pool: Any, times: list[float], stop: threading.Event, killed: l
 
 @pytest.mark.full
 @pytest.mark.parametrize("kills", [0, 20])
-def test_the_rows_are_those_of_one_process_whichever_worker_dies(kills, tmp_path, monkeypatch):
+def test_killed_cluster_workers_change_no_row(kills, tmp_path, monkeypatch):
     for name in ("LEAST", "MOST"):
         monkeypatch.setattr(f"slidax.studies.runner.{name}", 64)
     changes = {"runs": 6400 if kills else 640, "changes": {"simulation.t1": 1}}

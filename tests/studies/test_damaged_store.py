@@ -93,7 +93,7 @@ def out(whole, tmp_path):
 
 
 @pytest.mark.parametrize("how", DAMAGES)
-def test_a_damaged_part_is_named_and_computed_again(whole, out, how):
+def test_a_damaged_part_file_is_reported_and_computed_again(whole, out, how):
     part = out / "parts" / "000000000064-64.parquet"
     damage(part, how)
     if how == "dangling":
@@ -104,7 +104,7 @@ def test_a_damaged_part_is_named_and_computed_again(whole, out, how):
     assert same(out, whole) and part.is_file() and not part.is_symlink() and count_rows(out) == 200
 
 
-def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole, out):
+def test_a_changed_byte_of_a_part_file_is_detected_or_changes_no_row(whole, out):
     name = "000000000192-8.parquet"
     content = (whole / "parts" / name).read_bytes()
     expected, store, noticed = chunk(192, 8), opened(out), 0
@@ -122,7 +122,7 @@ def test_every_changed_byte_of_a_part_is_noticed_or_changes_no_row(whole, out):
     assert noticed > 100
 
 
-def test_parts_of_another_study_or_place_are_named_and_computed_again(whole, out, tmp_path):
+def test_part_files_of_another_study_or_with_other_rows_are_reported_and_computed_again(whole, out, tmp_path):
     other = tmp_path / "other"
     fill(opened(other, OTHER))
     shutil.copy(other / "parts" / "000000000064-64.parquet", out / "parts")
@@ -137,7 +137,7 @@ def test_parts_of_another_study_or_place_are_named_and_computed_again(whole, out
     assert same(out, whole)
 
 
-def test_a_part_that_announces_other_rows_is_not_read(whole, out):
+def test_a_part_file_that_declares_other_rows_is_not_read(whole, out):
     """A few bytes can stand for gigabytes of equal numbers."""
     path = out / "parts" / "000000000064-64.parquet"
     marks = pq.read_schema(path).metadata
@@ -159,13 +159,13 @@ def test_a_part_that_announces_other_rows_is_not_read(whole, out):
     ],
     ids=["two of one name", "text", "lists"],
 )
-def test_a_table_with_other_columns_is_a_clear_line(out, names, columns, words):
+def test_a_table_with_duplicate_or_non_numeric_columns_is_refused_with_the_reason(out, names, columns, words):
     pq.write_table(pa.table([pa.array(column) for column in columns], names=names), out / "rows.parquet")
     with pytest.raises(DefinitionError, match=rf"rows\.parquet` is damaged: {words}"):
         read_rows(out)
 
 
-def test_a_table_that_announces_too_many_numbers_is_not_read(out, monkeypatch):
+def test_a_table_that_declares_too_many_numbers_is_refused(out, monkeypatch):
     monkeypatch.setattr("slidax.studies.store.MOST_NUMBERS", 799)
     with pytest.raises(
         DefinitionError, match=r"it has 200 rows, of which 4 columns are needed: at most 8e\+02 numbers are read"
@@ -173,7 +173,7 @@ def test_a_table_that_announces_too_many_numbers_is_not_read(out, monkeypatch):
         read_rows(out)
 
 
-def test_a_missing_folder_is_named(tmp_path):
+def test_reading_rows_from_a_missing_folder_is_refused_with_its_name(tmp_path):
     with pytest.raises(DefinitionError, match=r"there is no folder `.*nowhere`$"):
         read_rows(tmp_path / "nowhere")
 
@@ -209,7 +209,7 @@ BAD_IDENTITIES = (
 
 
 @pytest.mark.parametrize("content", BAD_IDENTITIES)
-def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(whole, out, content):
+def test_a_damaged_study_file_is_rewritten_if_the_rows_belong_to_this_study(whole, out, content):
     path = out / "study.json"
     path.unlink() if content is None else path.write_text(content, encoding="utf-8", errors="surrogateescape")
     for refused in (lambda: opened(out, resume=False), lambda: scenario_of_row(out, 3)):
@@ -223,7 +223,7 @@ def test_a_damaged_identity_is_written_again_if_the_rows_are_of_this_study(whole
 
 
 @pytest.mark.parametrize("how", DAMAGES)
-def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole, out, how):
+def test_a_damaged_table_of_rows_is_refused_on_reading_and_rewritten_on_resume(whole, out, how):
     damage(out / "rows.parquet", how)
     for refused in (lambda: read_rows(out), lambda: read_rows(out / "rows.parquet"), lambda: scenario_of_row(out, 3)):
         with pytest.raises(DefinitionError, match=r"rows\.parquet`.*--resume` writes it again"):
@@ -231,14 +231,14 @@ def test_a_damaged_table_is_a_clear_line_and_is_written_again(whole, out, how):
     assert fill(opened(out)) == 0 and same(out, whole)
 
 
-def test_rows_of_another_study_are_refused_as_cases(out, tmp_path):
+def test_replaying_a_row_from_another_studys_table_is_refused(out, tmp_path):
     fill(opened(tmp_path / "other", OTHER))
     shutil.copy(tmp_path / "other" / "rows.parquet", out)
     with pytest.raises(DefinitionError, match="belong to another study than"):
         scenario_of_row(out, 3)
 
 
-def test_two_studies_that_begin_at_once_in_one_folder_do_not_mix(tmp_path, monkeypatch):
+def test_two_different_studies_started_at_once_in_a_folder_do_not_mix(tmp_path, monkeypatch):
     out = tmp_path / "out"
     # The second one looks before the first one writes.
     monkeypatch.setattr("slidax.studies.store._is_free", lambda folder: True)
@@ -255,7 +255,7 @@ def test_a_folder_of_a_process_killed_at_its_start_can_be_used(tmp_path):
     assert fill(opened(out, resume=False)) == 200
 
 
-def test_four_writers_at_once_leave_the_bytes_of_one(whole, tmp_path):
+def test_four_simultaneous_writers_leave_the_same_table_as_a_single_writer(whole, tmp_path):
     for number in range(10):
         out, barrier = tmp_path / f"out{number}", threading.Barrier(4)
         computed: list[int] = []

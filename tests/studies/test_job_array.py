@@ -30,7 +30,7 @@ def parts(folder):
     return {path.name: path.read_bytes() for path in (folder / store.PARTS).iterdir()}
 
 
-def test_three_parts_are_disjoint_and_together_have_the_bytes_of_one_study(run, tmp_path):
+def test_three_parts_of_a_job_array_are_disjoint_and_together_equal_the_whole_study(run, tmp_path):
     run("whole")
     names = []
     for i in (1, 2, 3):
@@ -81,7 +81,7 @@ def bash(script, folder, **environment):
     return [shlex.split(line) for line in lines]
 
 
-def test_the_job_array_of_the_page_computes_every_part_and_closes(run, tmp_path):
+def test_the_documented_slurm_job_array_covers_every_part_and_writes_the_report(run, tmp_path):
     text = [block.text for block in blocks((ROOT / "docs/studies.md").read_text()) if "sbatch" in block.text.lower()]
     array, closing = text
     first, last = map(int, re.search(r"^#SBATCH --array=(\d+)-(\d+)$", array, re.M).groups())

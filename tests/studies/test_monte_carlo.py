@@ -26,7 +26,7 @@ def test_the_failure_rate_follows_from_the_rows_with_the_exact_interval(tmp_path
     assert result.as_json()["probability"]["confidence"] == 0.99 and result.rates[1].failures == 0
 
 
-def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path):
+def test_a_row_can_be_replayed_alone_bit_for_bit(tmp_path):
     result = ran(tmp_path / "out", runs=64)
     write_scenario(scenario_of_row(tmp_path / "out", 41), tmp_path / "case.yaml")
     again = columns_of(scenarios.load(tmp_path / "case.yaml").simulate(log_every=None))
@@ -36,7 +36,7 @@ def test_every_row_can_be_replayed_alone_bit_for_bit(tmp_path):
         scenario_of_row(tmp_path / "out", 64)
 
 
-def test_figure_and_table_name_the_same_joint_by_one_name():
+def test_the_figure_and_the_table_use_the_same_joint_names():
     result = ran(runs=16, uncertainty={"start.q": {"around": 0.05, "each": "joint"}})
     (chart,) = [chart for section in result.sections() for chart in section.figures if chart.kind == "margin_over"]
     shown = list(chart.values[1])
@@ -75,7 +75,7 @@ def test_the_worst_case_is_a_scenario_that_replays_it_bit_for_bit(tmp_path):
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["runs"] == 200
 
 
-def test_a_study_in_which_every_run_fails_says_why_once_with_counts():
+def test_a_study_whose_runs_all_fail_reports_the_cause_once_with_counts():
     result = ran(**FAILING)
     assert result.rates[0].failures == 64 and result.why
     answer = result.as_json()
@@ -83,7 +83,7 @@ def test_a_study_in_which_every_run_fails_says_why_once_with_counts():
     assert sum(result.why in section.note for section in result.sections()) == 1
 
 
-def test_a_predicate_judges_runs_that_reached_their_end():
+def test_a_predicate_holds_only_for_runs_that_reached_their_end():
     columns = {"outcome": np.array([0, 1, 2, 3]), "margin": np.zeros(4), "steady_error": np.full(4, 1e-4)}
     assert Predicate("steady_error < 1e-3").holds(columns).tolist() == [True, False, False, True]
     assert Predicate("envelope").holds(columns).tolist() == [True, False, False, False]

@@ -31,7 +31,7 @@ def two_holes(x):
     return np.minimum(np.sum((x - 0.15) ** 2, axis=1), np.sum((x - 0.85) ** 2, axis=1) + 0.01)
 
 
-def test_the_minimum_of_a_smooth_function_is_found_to_many_digits():
+def test_the_search_locates_the_minimum_of_a_smooth_function_to_1e_4():
     result = search_lowest(bowl, 4, evaluations=2500)
     np.testing.assert_allclose(result.points[0], 0.3, atol=1e-4)
     assert result.values[0] < 1e-8 and result.evaluations <= 2500
@@ -42,14 +42,14 @@ def test_a_curved_valley_is_followed_to_its_minimum():
     np.testing.assert_allclose(result.points[0], 0.75, atol=2e-3)
 
 
-def test_a_narrow_minimum_that_ten_thousand_random_points_miss_is_found():
+def test_the_search_reaches_a_narrow_minimum_that_ten_thousand_random_points_miss():
     rng = np.random.default_rng(0)
     assert narrow(rng.random((10_000, 6))).min() > 0.0
     result = search_lowest(narrow, 6, evaluations=3000, enough=0.0)
     assert result.stop == "enough" and result.values[0] < 0.0 and result.evaluations < 3000
 
 
-def test_minimum_on_a_face_is_found():
+def test_the_search_reaches_a_minimum_on_a_face_of_the_unit_cube():
     result = search_lowest(lambda x: -x[:, 0] + (x[:, 1] - 0.4) ** 2, 2, evaluations=1500)
     np.testing.assert_allclose(result.points[0], [1.0, 0.4], atol=1e-3)
 
@@ -96,7 +96,7 @@ def test_quasi_newton_steps_improve_the_search_of_a_smooth_function(monkeypatch)
     assert with_steps < 1e-2 * search_lowest(bowl, 8, evaluations=1200, seed=3).values[0]
 
 
-def test_impossible_search_is_refused(monkeypatch):
+def test_an_invalid_search_or_a_missing_cmaes_is_refused(monkeypatch):
     with pytest.raises(DefinitionError, match="at least one uncertain value"):
         search_lowest(bowl, 0, evaluations=10)
     with pytest.raises(DefinitionError, match="at least one evaluation"):
@@ -139,7 +139,7 @@ def conditional(x):
     return FrontEvaluation(two_bowls(x), 0.5 - x[:, 0])
 
 
-def test_dominated_rows_are_omitted():
+def test_non_dominated_marks_exactly_the_pareto_optimal_points():
     aims = np.array([[1.0, 4.0], [2.0, 3.0], [2.0, 3.0], [3.0, 3.5], [4.0, 1.0], [1.0, 5.0]])
     assert non_dominated(aims).tolist() == [True, True, False, False, True, False]
     rng = np.random.default_rng(0)
@@ -154,7 +154,7 @@ def test_a_thin_front_keeps_its_ends_and_spreads():
     assert len(chosen) == 5 and {0, 100} <= set(chosen.tolist()) and np.diff(chosen).min() > 10
 
 
-def test_the_whole_pareto_front_is_found():
+def test_the_pareto_search_covers_the_whole_known_front():
     front = pareto_search(free, 4, evaluations=2000)
     np.testing.assert_allclose(front.points[:, 1:], 0.5, atol=0.1)
     assert front.points[:, 0].min() < 0.25 and front.points[:, 0].max() > 0.75
@@ -174,7 +174,7 @@ def test_without_feasible_points_the_front_is_empty():
     assert front.points.shape == (0, 2) and front.holding == 0 and front.start is None
 
 
-def test_the_start_is_evaluated_first_and_never_replaced_by_a_worse_point():
+def test_the_pareto_search_evaluates_its_start_and_improves_on_it():
     begin = np.array([0.5, 0.9, 0.5, 0.5])
     front = pareto_search(free, 4, evaluations=600, start=begin)
     np.testing.assert_allclose(front.start, two_bowls(begin[None])[0])
@@ -203,7 +203,7 @@ def test_the_search_works_with_one_and_three_objectives():
     assert len(item.points) == 1 and item.points[0, 0] == pytest.approx(0.2, abs=0.05)
 
 
-def test_a_start_outside_is_refused():
+def test_a_start_outside_the_unit_cube_is_refused():
     with pytest.raises(DefinitionError, match="point of the unit cube"):
         pareto_search(free, 3, evaluations=10, start=np.array([0.5, 2.0, 0.5]))
 
@@ -222,7 +222,7 @@ def indices_of(function, dimension, base=1024, **how):
     return sobol_indices(function(points_for_indices(alone, base, seed=0)), alone, **how)
 
 
-def test_known_indices_are_found_within_their_intervals():
+def test_sobol_indices_of_the_ishigami_function_are_within_their_intervals():
     ours = indices_of(ishigami, 3, confidence=0.999)
     for share, half, known in (
         (ours.first, ours.first_half, [0.3139, 0.4424, 0.0]),
@@ -269,7 +269,7 @@ def test_higher_confidence_gives_a_wider_interval():
     )
 
 
-def test_impossible_sobol_points_are_refused():
+def test_invalid_sobol_sample_sizes_and_results_are_refused():
     with pytest.raises(DefinitionError, match="power of two"):
         points_for_indices([1, 1], 100)
     with pytest.raises(DefinitionError, match="1 of 40 results are not finite"):

@@ -54,14 +54,14 @@ def test_impossible_counts_and_confidences_are_refused(interval, k, n, confidenc
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 1), (0, 5000), (1, 5000), (40, 100), (99, 100), (5, 10**6)])
-def test_the_sequence_ends_where_the_evidence_reaches_its_level(k, n):
+def test_the_ends_of_a_confidence_sequence_have_the_evidence_of_its_level(k, n):
     result = confidence_sequence(k, n, 0.99)
     for end in {result.lower, result.upper} - {0.0, 1.0}:
         np.testing.assert_allclose(log_evidence(k, n, end), np.log(100.0), rtol=1e-6)
     assert k / n in result
 
 
-def test_without_failures_the_sequence_is_as_sharp_as_clopper_pearson():
+def test_the_confidence_sequence_without_failures_is_as_sharp_as_clopper_pearson():
     for n in (100, 1000, 10000):
         assert confidence_sequence(0, n, 0.99).upper <= clopper_pearson(0, n, 0.99).upper
     assert confidence_sequence(3, 1000, 0.99).upper < 1.55 * clopper_pearson(3, 1000, 0.99).upper
@@ -81,7 +81,7 @@ MANY = [pytest.param(p, 3000, 10_000, marks=pytest.mark.full) for p in (0.001, 0
 
 
 @pytest.mark.parametrize(("p", "runs", "repeats"), [(0.02, 1000, 1000), *MANY])
-def test_the_sequence_covers_the_rate_at_all_times_jointly(p, runs, repeats):
+def test_the_confidence_sequence_covers_the_rate_at_all_times_jointly(p, runs, repeats):
     """Ville's bound, and that it is no empty one: a tenth of the misses that it allows do happen."""
     missed = ever_missed(p, runs, repeats, 0.9)
     sure = 4 * np.sqrt(0.1 * 0.9 / repeats)

@@ -136,14 +136,14 @@ def test_a_folder_with_another_study_or_other_files_is_refused_and_unchanged(tmp
         ran(tmp_path / "other", runs=64)
 
 
-def test_more_runs_of_the_same_study_keep_the_finished_ones(tmp_path):
+def test_a_resumed_study_with_more_or_fewer_runs_has_exactly_these_rows(tmp_path):
     ran(tmp_path / "out", runs=64)
     for runs in (80, 200, 100):
         result = ran(tmp_path / "out", resume=True, runs=runs)
         assert result.runs == runs and np.array_equal(read_rows(tmp_path / "out")["row"], np.arange(runs))
 
 
-def test_a_chunk_has_a_few_seconds_of_work():
+def test_chunks_have_fewer_rows_for_longer_runs():
     assert [Runner.rows_of_chunk(samples) for samples in (10, 2000, 8000, 10**7)] == [8192, 2048, 512, 64]
 
 
@@ -171,7 +171,7 @@ def assert_clean(out: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.usefixtures("small_chunks")
-def test_two_processes_on_one_folder_leave_the_bytes_of_one(tmp_path):
+def test_two_processes_in_a_folder_write_the_same_table_as_a_single_process(tmp_path):
     ran(tmp_path / "alone")
     processes = [begun(tmp_path / "out") for _ in range(2)]
     assert ended(processes) == ["whole", "whole"]

@@ -132,7 +132,7 @@ def test_an_invalid_field_is_reported_with_its_path_and_remedy(client):
 
 
 @pytest.mark.full
-def test_every_built_in_scenario_is_a_playground(client):
+def test_scara_and_panda_scenarios_become_playgrounds_with_valid_tunable_parameters(client):
     for name in ("example-4.2-1khz", "panda-payload"):
         reply = client.post("/api/manifest", json={"name": name}).json()["manifest"]
         first = reply["settings"][0]
@@ -203,7 +203,7 @@ def is_bench(pid):
     return "slidax.studio.bench" in line and int(parent) == os.getpid()
 
 
-def test_malformed_requests_are_refused_in_one_line(client):
+def test_malformed_requests_are_refused_with_a_message(client):
     for body in (b"", b"[]", b"NaN", b'{"a":', b'{"a":NaN}', b"[" * 100_000):
         answer = client.post("/api/run", content=body, headers={"content-type": "application/json"})
         assert answer.status_code == 400 and answer.json()["error"]["message"]

@@ -108,7 +108,7 @@ def test_one_hundred_and_fifty_unfinished_requests_do_not_block_the_page(port):
     ],
 )
 @pytest.mark.parametrize("drip", [False, True])
-def test_a_request_that_does_not_end_is_closed(port, text, drip):
+def test_the_connection_of_an_unfinished_request_is_closed(port, text, drip):
     begun = time.monotonic()
     with opened(port, text) as link:
         if drip:
@@ -128,7 +128,7 @@ def _dripped(link):
     raise AssertionError("the connection stays open")
 
 
-def test_a_second_request_on_a_connection_has_its_own_time(port):
+def test_each_request_on_a_connection_has_its_own_time_limit(port):
     with opened(port, GOOD) as link:
         assert status(link) == 200
         time.sleep(1.2)

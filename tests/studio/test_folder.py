@@ -28,7 +28,7 @@ def test_no_path_trick_reads_or_writes_a_file_outside(root):
     assert state_of(root.parent / "outside") == before
 
 
-def test_hidden_and_executable_files_are_neither_read_nor_written(root):
+def test_hidden_and_executable_files_are_not_written(root):
     folder = Folder(root)
     for name in (".bashrc.yaml", ".git/hooks.yaml", "sub/.ssh/keys.json"):
         with pytest.raises(OutsideError, match="must not start"):

@@ -45,7 +45,7 @@ def test_requests_to_loopback_at_the_servers_port_are_answered(client, host):
         *(f"[::ffff:127.0.0.1]:{PORT}", f" 127.0.0.1:{PORT},evil.example", ""),
     ],
 )
-def test_another_host_is_refused_whatever_it_resolves_to(client, host):
+def test_a_request_with_another_host_name_is_refused(client, host):
     assert client.get("/", headers={"host": host}).status_code == 403
     assert client.post("/api/x", json={}, headers={"host": host}).status_code == 403
 
@@ -59,7 +59,7 @@ def test_another_host_is_refused_whatever_it_resolves_to(client, host):
         {"sec-fetch-site": "anything"},
     ],
 )
-def test_a_request_of_another_page_is_refused(client, headers):
+def test_a_request_from_another_web_page_is_refused(client, headers):
     assert client.post("/api/x", json={}, headers=headers).status_code == 403
 
 
@@ -70,7 +70,7 @@ def test_requests_of_the_studios_own_page_are_answered(client):
 
 
 @pytest.mark.parametrize("token", ["", "wrong", "right ", "righ", "rightright", "ümlaut".encode()])
-def test_requests_without_the_token_read_and_change_nothing(client, token):
+def test_requests_without_the_right_token_are_refused(client, token):
     for method in ("GET", "POST", "PUT", "DELETE"):
         headers = {"x-slidax-token": token, "content-type": "application/json"}
         assert client.request(method, "/api/x", headers=headers).status_code == 401
@@ -78,14 +78,14 @@ def test_requests_without_the_token_read_and_change_nothing(client, token):
     assert client.get("/api/x", headers={"x-slidax-token": ""}).status_code == 401
 
 
-def test_another_machine_is_refused():
+def test_a_request_from_another_machine_is_refused():
     app = Starlette(routes=[Route("/", _echo)], middleware=[Middleware(Guard, port=PORT, token=TOKEN)])
     for host in ("192.168.1.7", "10.0.0.1", "::ffff:192.168.1.7", "not an address"):
         with TestClient(app, base_url=f"http://127.0.0.1:{PORT}", client=(host, 1)) as far:
             assert far.get("/", headers={"x-forwarded-for": "127.0.0.1"}).status_code == 403
 
 
-def test_a_form_and_a_simple_request_are_refused(client):
+def test_posts_without_json_content_type_are_refused(client):
     for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data", ""):
         assert client.post("/api/x", content=b"{}", headers={"content-type": kind}).status_code == 415
 
@@ -109,7 +109,7 @@ def test_every_answer_has_a_content_security_policy(client):
         assert "access-control-allow-origin" not in answer.headers
 
 
-def test_web_sockets_are_closed(client):
+def test_web_socket_connections_are_refused(client):
     from starlette.websockets import WebSocketDisconnect
 
     with pytest.raises(WebSocketDisconnect), client.websocket_connect("/api/x"):

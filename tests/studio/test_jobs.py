@@ -30,7 +30,7 @@ def alive(pid):
 
 
 @pytest.mark.full
-def test_a_job_that_reads_a_file_which_names_one_outside_is_refused(client, shared_root):
+def test_a_job_whose_input_file_names_a_file_outside_the_folder_fails(client, shared_root):
     (shared_root / "bad.yaml").write_text("study: monte_carlo\nscenario: ../outside/secret.yaml\nruns: 10\nseed: 1\n")
     job = ended(client, client.post("/api/jobs", json={"kind": "study", "options": {"file": "bad.yaml"}}).json())
     assert (job["state"], job["code"]) == ("failed", 2) and "outside the studio's folder" in job["log"]

@@ -70,7 +70,7 @@ def test_files_that_mujoco_would_open_are_checked(root, compiler, inner):
         require_beneath(Folder(root), {"robot": {"kind": "mjcf", "file": "arm.xml"}}, root)
 
 
-def test_entities_are_not_expanded(root):
+def test_an_mjcf_file_with_xml_entities_is_refused(root):
     (root / "arm.xml").write_text(
         '<!DOCTYPE m [<!ENTITY s SYSTEM "../outside/secret.xml">]><mujoco>&s;<worldbody/></mujoco>'
     )
@@ -87,14 +87,14 @@ def test_meshes_outside_the_folder_are_ignored_unless_they_are_read(root):
         require_beneath(Folder(root), {"robot": scenario["robot"] | {"meshes": True}}, root)
 
 
-def test_circular_references_between_files_end(root):
+def test_circular_references_between_files_cause_no_endless_loop(root):
     (root / "a.yaml").write_text("robot: {kind: identified, file: b.yaml}")
     (root / "b.yaml").write_text("robot: {kind: identified, file: a.yaml}")
     require_file_beneath(Folder(root), root / "a.yaml")
 
 
 @pytest.mark.parametrize("data", [{"robot": {"kind": "urdf", "file": "arm.xacro"}}, {"robot": "arm.urdf.xacro"}])
-def test_a_xacro_file_is_not_expanded(tmp_path, data):
+def test_a_xacro_file_is_refused_with_the_command_that_expands_it(tmp_path, data):
     (tmp_path / "arm.xacro").write_text("<robot/>")
     with pytest.raises(DefinitionError, match="does not expand: run `xacro FILE"):
         require_beneath(Folder(tmp_path), data, tmp_path)

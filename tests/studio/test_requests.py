@@ -173,20 +173,20 @@ def read_yaml_of(asker):
     return read_yaml(asker.client.post("/api/check", json={"name": "example-4.1"}).json()["text"])
 
 
-def test_random_requests_end_no_process(asker):
+def test_random_requests_do_not_crash_the_worker(asker):
     fuzz(asker, 20, 38, ("check", "part", "jobs", "catalogue"))
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("seed", range(4))
-def test_thousands_of_random_requests_to_every_address_end_no_process(asker, seed):
+def test_thousands_of_random_requests_to_every_address_do_not_crash_the_worker(asker, seed):
     for content in RAW:
         for do in (*QUESTIONS, "jobs"):
             asker.post(do, content)
     fuzz(asker, 1000, seed)
 
 
-def test_file_names_that_are_not_unicode_are_listed(client, shared_root):
+def test_a_file_name_that_is_not_unicode_does_not_break_the_listing(client, shared_root):
     path = Path(str(shared_root) + "/\udcff-odd.yaml")
     path.write_text("title: x\n")
     try:

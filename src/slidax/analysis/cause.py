@@ -42,7 +42,7 @@ class Finding:
     - `joint`: index of the joint, from 0; None if the cause concerns all joints.
     - `weight`: likelihood that this cause made the run leave, from 0 to 1; above 0.8 it suffices as an explanation.
     - `evidence`: a sentence with the values.
-    - `numbers`: the values by name.
+    - `numbers`: the values in the evidence, by name.
     - `remedies`: possible remedies, the best first.
     """
 
@@ -79,7 +79,7 @@ FACTORS = (0.7, 0.5)
 
 
 def slower_motion(record: RunRecord) -> list[Remedy]:
-    """Remedies that slow the motion down, if its kind has a frequency, times or rates."""
+    """Return remedies that slow the motion down; empty if the motion has no frequency, times or rates."""
     motion: Any = record.scenario.description.trajectory
     remedies = []
     for factor in FACTORS:
@@ -95,7 +95,7 @@ def slower_motion(record: RunRecord) -> list[Remedy]:
 
 
 def data_sheet_limit(record: RunRecord, name: str) -> np.ndarray:
-    """A joint limit from the arm's description [n]; 0 where it has none.
+    """Return a limit of each joint from the nominal arm's description [n]; 0 for a joint without this limit.
 
     - `name`: `torque` or `torque_rate`.
     """

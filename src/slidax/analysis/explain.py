@@ -47,7 +47,8 @@ class Explanation:
     """A cause and its remedy.
 
     - `finding`: the evidence in the log.
-    - `remedy`: the first remedy with which the run keeps its envelope; otherwise the first; None if there is none.
+    - `remedy`: the first remedy with which the run keeps its envelope, or the first of all if none helps; None if the
+      cause has no remedy.
     - `tried`: True if remedies were simulated.
     - `holds`: True if the run keeps its envelope with the remedy.
     """
@@ -84,13 +85,13 @@ class Explanation:
 def explain(
     scenario: Scenario, run: Run | RunRecord, *, tries: bool = True, seconds: float = math.inf
 ) -> list[Explanation]:
-    """Find the causes that the log shows, most likely first; empty if it shows none.
+    """Return the causes that the log shows, the likeliest first; empty if the run kept its envelope or none shows.
 
-    Causes are sorted by their weight. The remedies of the likeliest are then tried in simulation. If the run keeps its
-    envelope with one, that cause comes first.
+    Causes are sorted by their weight. The remedies of up to `MOST_TRIED` causes are then tried in simulation, until the
+    run keeps its envelope with one of them. The cause with that remedy then comes first.
 
     - `scenario`: the scenario of the run.
-    - `run`: the run with every sample in its log, or its record.
+    - `run`: the run, with every sample in its log, or its `RunRecord`.
     - `tries`: True to try remedies.
     - `seconds`: time limit after which no further remedy is tried.
 
@@ -181,10 +182,15 @@ def read_saved(saved: str | Path) -> tuple[Scenario, dict[str, np.ndarray], bool
 
 
 def _columns(log: SavedLog) -> dict[str, np.ndarray]:
-    """A row for each tick of the arm; the law's last answer fills ticks without one."""
+    """Convert an MCAP log to flat columns, a row for each tick of the arm.
+
+    In a tick without an answer of the law, the row repeats the law's last answer.
+    """
     arm, law = log.arm, log.law
     if not len(arm["true_k"]) or not len(law["k"]):
-        raise DefinitionError(f"`{log.path}` has no ticks of a simulated arm on `/truth`")
+        raise DefinitionError(
+            f"`{log.path}` has no ticks of a simulated arm on `/truth`, or no answer of the law: a diagnosis needs both"
+        )
     answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
     signals: dict[str, np.ndarray] = {
         "q": arm["true_q"],

@@ -23,10 +23,10 @@ from .loop_causes import FAST, NOISY, SLOW, step_ratio
 from .run_record import inertia_and_bias, joint_loops, require_explainable
 
 SAMPLES = 200
-"""Times along the motion at which it is checked."""
+"""Number of times at which the planned motion is checked."""
 
 COMES = 0.02
-"""Time after a payload is attached at which its mass is read, s."""
+"""Time after a payload is attached at which its mass is read [s]."""
 
 
 def forecast(scenario: Scenario) -> list[str]:
@@ -60,12 +60,12 @@ class _PlannedMotion:
 
     @cached_property
     def believed(self) -> tuple[np.ndarray, np.ndarray]:
-        """M0 and the nominal bias along the motion."""
+        """Nominal inertia matrix M0 and bias along the motion [samples n n], [samples n]."""
         return inertia_and_bias(self.nominal, self.q, self.dq)
 
     @cached_property
     def true(self) -> tuple[np.ndarray, np.ndarray]:
-        """M and the bias with friction along the motion, including the payload at each time."""
+        """True inertia matrix M, and bias with friction, along the motion, with the payload while it is attached."""
         mass, bias = inertia_and_bias(self.plant.robot, self.q, self.dq)
         load = self.plant.load
         if load is not None:
@@ -79,7 +79,7 @@ class _PlannedMotion:
 
     @cached_property
     def external_torque(self) -> np.ndarray:
-        """External torque along the motion."""
+        """Torque of the scenario's disturbance along the motion [samples n], N m or N."""
         moving = State(q=jnp.asarray(self.q), dq=jnp.asarray(self.dq))
         return np.asarray(
             jax.jit(jax.vmap(lambda t, state: self.plant.disturbance(t, state)))(jnp.asarray(self.t), moving)
@@ -101,7 +101,7 @@ class _PlannedMotion:
             )
 
     def inertias(self) -> Iterator[str]:
-        """Warn if a κ of the scenario's mismatch is outside the stable range, for a law that does not learn it."""
+        """Warn if an eigenvalue κ of `M⁻¹ M0` is outside its loop's stable range, unless the law learns the inertia."""
         if not isinstance(self.nominal, Articulated) or self.law.adaptation is not None:
             return
         values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
@@ -121,7 +121,7 @@ class _PlannedMotion:
             _, joint, low, high, least, most = worst
             yield (
                 f"κ, nominal over true inertia, is {span(low, high)} at `{self.names[joint]}`, but its loop is "
-                f"stable for {span(least, most)}: set the rotor inertias in `robot.nominal.armature`"
+                f"stable only for {span(least, most)}: set the rotor inertias in `robot.nominal.armature`"
             )
 
     def estimators(self) -> Iterator[str]:

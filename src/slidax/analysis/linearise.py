@@ -29,11 +29,11 @@ from .period_map import INPUTS, OUTPUTS, DelayLine, PeriodMap, period_map
 from .sampled_system import Margins, SampledSystem, connected_states, margins_of, simultaneous_margins
 
 QUIET = ("resolution", "position_noise", "velocity_noise")
-"""Fields of a sensor that are set to zero."""
+"""Fields of a sensor that are set to zero, since rounding and noise have no derivative."""
 
 
 def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, list[str]]:
-    """The loop, its state at a sample, and notes on effects that were left out.
+    """Return a differentiable loop, its state just before a sample, and notes on the effects that were left out.
 
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
@@ -42,7 +42,7 @@ def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, l
     if isinstance(scenario.plant, MujocoPlant):
         raise DefinitionError("an arm simulated by MuJoCo has no derivatives here: set `simulation.plant` to `own`")
     if scenario.plant.transmission is not None:
-        raise DefinitionError("LuGre friction and elastic joints have no linear loop here: leave `transmission` out")
+        raise DefinitionError("LuGre friction and elastic joints cannot be linearised here: leave `transmission` out")
     stepping = scenario.stepping
     plant, left_out = _smooth(scenario.plant, stepping.mode == "held")
     parts = plant, scenario.controller, scenario.trajectory, scenario.state0
@@ -68,7 +68,7 @@ def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, l
 
 
 def _smooth(plant: Plant, held: bool) -> tuple[Plant, list[str]]:
-    """The plant with a differentiable sensor, and notes on effects that were left out."""
+    """Return the plant with a differentiable sensor, and notes on the effects that were left out."""
     left_out: list[str] = []
     sensor: AbstractSensor | None = Exact() if held else None
     if plant.sensor is not None:
@@ -104,14 +104,14 @@ def arm_state(carry: Carry) -> tuple[np.ndarray, np.ndarray]:
 
 
 SLOW = 5.0
-"""Times v_s: below this velocity the Coulomb friction of a joint acts as damping."""
+"""Velocity, as a multiple of v_s, below which the Coulomb friction of a joint acts as damping."""
 
 
 def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[str]:
     """Notes on frozen parts and on nonsmooth points of the loop, one sentence each.
 
     - `carry`: state of the loop.
-    - `rough`: True if derivative and differences disagree.
+    - `rough`: True if the derivative and central differences disagree.
     """
     notes = []
     law = loop.controller
@@ -204,7 +204,7 @@ class LinearisedLoop:
         return modes
 
     def closed_loop(self, where: str) -> SampledSystem:
-        """Closed loop from a signal injected at a point to the signal that returns there, `-L/(1 + L)`.
+        """Return the closed loop from a signal injected at a point to the signal that returns there, `-L/(1 + L)`.
 
         - `where`: "torque", between law and drives, or "measurement", between arm and sensor.
 
@@ -220,7 +220,7 @@ class LinearisedLoop:
         return self.system.select(*BROKEN[where])
 
     def loop_gain(self, where: str, joint: int) -> SampledSystem:
-        """Loop gain L of a joint, with the loop opened at a point and the loops of all other joints closed.
+        """Return the loop gain L of a joint, with the loop opened at a point and the loops of all other joints closed.
 
         - `where`: as in `closed_loop`.
 
@@ -240,7 +240,7 @@ class LinearisedLoop:
         )
 
     def margins(self, where: str) -> list[Margins] | None:
-        """Margins of each joint, with the loops of the others closed; None if the loop is unstable.
+        """Margins of each joint, with the loops of the other joints closed; None if the closed loop is unstable.
 
         - `where`: as in `closed_loop`.
 

@@ -9,7 +9,9 @@ import numpy as np
 from .run_record import RunRecord, band_pass, held_torque, resolvable_band
 
 BAND = (20.0, 200.0)
-"""Band around a loop's crossover [rad/s]: below it, an unknown weight looks like a negative inertia; above it is noise.
+"""Band around a loop's crossover [rad/s].
+
+Below it, the weight of an unknown payload looks like a negative inertia. Above it, noise dominates.
 """
 
 DELAYS = np.arange(0.0, 8.01, 0.25)
@@ -24,11 +26,11 @@ class LogEstimate:
     """Inertia of each joint [n] and delay, estimated from a log.
 
     - `inertia`: estimated diagonal of M, kg m² or kg; NaN if the joint moves too little in the band.
-    - `nominal`: diagonal of the nominal M0, with the same weights.
+    - `nominal`: mean diagonal of the nominal M0 over the samples, weighted by a² as in the fit.
     - `spread`: standard error of `inertia`.
     - `delay`: delay from a torque to its measured effect [periods]; NaN if no joint determines it.
-    - `coherence`: share of the torque in the band that the inertia explains.
-    - `delay_gain`: relative decrease of the unexplained torque by this delay, compared with the believed delay.
+    - `coherence`: share of each joint's torque in the band that the inertia explains [n].
+    - `delay_gain`: relative decrease of the unexplained share by this delay, compared with the law's believed delay.
     """
 
     inertia: np.ndarray
@@ -45,11 +47,11 @@ class LogEstimate:
 
 
 def estimate_from_log(record: RunRecord) -> LogEstimate:
-    """Fit `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band, joint by joint.
+    """Estimate the delay and each joint's inertia: fit `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band.
 
     a is the second difference of the measured positions and τ̄ the torque's mean over the two periods that it spans,
-    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters. The
-    encoders' noise in a enlarges its sum of squares, and is subtracted.
+    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters.
+    Encoder noise enlarges the sum of a²; its share is subtracted.
     """
     h = record.period
     q, tau, count = record.q, record.tau, len(record.t)
@@ -91,7 +93,7 @@ def estimate_from_log(record: RunRecord) -> LogEstimate:
 
 
 def _noise(record: RunRecord, count: int) -> np.ndarray:
-    """Standard deviation of the noise of a in the band [n], from the encoders' resolution."""
+    """Return the standard deviation of the acceleration noise in the band [n], from the encoders' resolution."""
     chance = np.random.default_rng(0).standard_normal(count + 2)
     factor = float(np.std(band_pass(np.diff(chance, 2), BAND, record.period)))
     # At small speeds rounding is not white noise: half a step is conservative, the standard deviation is not.
@@ -101,7 +103,7 @@ def _noise(record: RunRecord, count: int) -> np.ndarray:
 def encoder_resolution(q: np.ndarray) -> np.ndarray:
     """The encoders' resolution, estimated from their readings [n], rad or m; 0 where these are not rounded.
 
-    - `q`: measured positions [N n].
+    - `q`: measured positions [samples n].
     """
     steps_of_joint = []
     for column in q.T:

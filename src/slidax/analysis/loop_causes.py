@@ -161,7 +161,10 @@ class EstimatorCause(AbstractCause):
 
 
 def _estimator_remedies(record: RunRecord) -> list[Remedy]:
-    """Densities for ω H near 1, since ω is proportional to the sixth root of the density; and the default filter."""
+    """Return remedies: torque densities for ω H near 1, and the default Kalman filter.
+
+    ω is proportional to the sixth root of the density.
+    """
     block: Any = record.scenario.description.scheme.sampled_data
     remedies = []
     density = getattr(block.estimator, "torque_density", None)
@@ -187,7 +190,7 @@ EDGE = 0.995
 
 
 class InertiaCause(AbstractCause):
-    """The loop is unstable, or nearly so, for the estimated inertia, but stable for the believed one."""
+    """The loop is unstable, or nearly so, for the inertia that the log shows."""
 
     name: ClassVar[str] = "inertia"
 
@@ -236,7 +239,7 @@ class InertiaCause(AbstractCause):
 
 
 def _adaptation_remedies(record: RunRecord) -> list[Remedy]:
-    """Enable the adaptation of a law that can learn the inertia but has `adaptation: null`."""
+    """Return a remedy that enables the adaptation, for a law that can learn the inertia but has `adaptation: null`."""
     block = record.scenario.description.scheme.sampled_data
     field = {} if block is None else type(block).model_fields
     if ADAPTATION not in field or getattr(block, ADAPTATION) is not None:
@@ -247,7 +250,7 @@ def _adaptation_remedies(record: RunRecord) -> list[Remedy]:
 
 
 def _model_remedies(record: RunRecord, estimate: LogEstimate, known: np.ndarray) -> list[Remedy]:
-    """Set the nominal arm's inertia to the estimate."""
+    """Return a remedy that sets the nominal arm's inertia to the estimate; empty without such a field."""
     robot = record.scenario.description.robot
     nominal: Any = getattr(robot, "nominal", None)
     fields = {} if nominal is None else type(nominal).model_fields
@@ -268,7 +271,7 @@ def _model_remedies(record: RunRecord, estimate: LogEstimate, known: np.ndarray)
 
 
 class PeriodCause(AbstractCause):
-    """`(H + D h)² w̄ < ϑ ρ∞` does not hold (docs/loop-rate.md)."""
+    """The loop rate is too low for the envelope: `(H + D h)² w̄ < ϑ ρ∞` does not hold (docs/loop-rate.md)."""
 
     name: ClassVar[str] = "period"
 
@@ -281,8 +284,8 @@ class PeriodCause(AbstractCause):
             return None
         unit = record.units[joint]
         evidence = (
-            f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimate is off by up to "
-            f"{record.missed[joint]:.3g} {unit}/s², which moves the error by (H + D h)² w = "
+            f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimated disturbance is off by "
+            f"up to {record.missed[joint]:.3g} {unit}/s², which moves the error by (H + D h)² w = "
             f"{deviation[joint]:.2g} {unit}, but the envelope allows {record.half_width[joint]:.2g} {unit}"
         )
         # A slow loop is a cause of its own; in a fast loop the rule fails because of another cause.
@@ -303,7 +306,7 @@ class PeriodCause(AbstractCause):
 
 
 def _same_rate(record: RunRecord) -> list[Remedy]:
-    """Other horizons, and the usual estimator, at the arm's own rate."""
+    """Return remedies that keep the sampling rate: other horizons, and the default Kalman filter."""
     own, h = record.law.horizon, record.period
     horizons = (3.0 * h, 7.0 * h) if own is None else tuple(factor * float(own) for factor in (0.7, 0.5, 1.5))
     remedies = [
@@ -363,7 +366,10 @@ class SubstepsCause(AbstractCause):
 
 
 def step_ratio(scenario: Scenario) -> tuple[float, int] | None:
-    """Step over the longest stable step for the plant's friction, and the joint with the fastest friction."""
+    """Return the integrator's step over the longest stable step for the plant's friction, and the joint that limits it.
+
+    None if MuJoCo simulates the arm, or the arm is not `Articulated`.
+    """
     simulation, robot = scenario.description.simulation, scenario.plant.robot
     if simulation.plant != "own" or not isinstance(robot, Articulated):
         return None

@@ -23,8 +23,8 @@ Value = TypeVar("Value", covariant=True)
 class Metric(Generic[Value]):
     """A metric, called like the function that computes it: `metrics.peak_torque(run)`.
 
-    For a batch the first axis is the run. A missing value is None, masked in a batch, and NaN inside `jit`, `vmap` and
-    `grad`, where its absence is unknown.
+    For a batch the first axis is the run. A missing value is None, and masked in a batch. Inside `jit`, `vmap` and
+    `grad` it is NaN, since tracing cannot tell which values are missing.
 
     - `key`: key in `summary` and in JSON; a dot separates a group from a name.
     - `title`: a short title for tables.
@@ -34,7 +34,7 @@ class Metric(Generic[Value]):
     - `per_joint`: True for a value per joint, False for a single value per run.
     - `brief`: True if the short comparison on a terminal shows the metric.
     - `bars`: True if a comparison report plots the metric.
-    - `needs_settling`: True for a time that is meaningless at the end of the run.
+    - `needs_settling`: True for a settling time; tables omit one at the end of the run, since the run did not settle.
     - `counts`: True if the metric counts samples, and so has no derivative.
     - `source`: a DOI; tables show the metric only for scenarios of this source.
     """
@@ -96,8 +96,9 @@ class Metric(Generic[Value]):
 def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Callable[[Run], Value]], Metric[Value]]:
     """Decorator that turns a function into a metric.
 
-    - `title`, `unit`, `how`: as in `Metric`.
-    - `key`: the function's name by default.
+    - `title`, `unit`: as in `Metric`.
+    - `key`: as in `Metric`; by default the function's name.
+    - `how`: further fields of `Metric`.
     """
     return lambda function: Metric(key or function.__name__, title, unit, function, **how)
 
@@ -139,8 +140,8 @@ def safe_sqrt(xp: Any, square: Any) -> Any:
 def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
     """The values of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
 
-    - `known`: [] or [runs].
-    - `values`: [n] or [runs n].
+    - `known`: True where there is a value, [] or [runs].
+    - `values`: the metric's values, [n] or [runs n].
     """
     if is_traced((known, values)):
         return _traced_where(jnp.asarray(known)[..., None], values)
@@ -153,7 +154,8 @@ def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
 def value_of_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
     """The value of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
 
-    - `known`, `value`: [] or [runs].
+    - `known`: True where there is a value, [] or [runs].
+    - `value`: the metric's value, [] or [runs].
     """
     if is_traced((known, value)):
         return _traced_where(known, value)

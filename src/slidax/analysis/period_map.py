@@ -62,7 +62,7 @@ class AddedDisturbance(AbstractDisturbance):
 
 
 class AddedTorque(AbstractController):
-    """A law with a torque added to its command without the law's knowledge."""
+    """A law with a torque added to its command; the law does not know this torque."""
 
     law: AbstractController = piece("the law")
     torque: Vector = piece("the added torque")
@@ -87,7 +87,7 @@ class AddedTorque(AbstractController):
 
 
 class ShiftedSensor(AbstractSensor):
-    """A sensor of a shifted state; it loses no samples."""
+    """A sensor that measures a shifted state; it loses no samples."""
 
     sensor: AbstractSensor = piece("the sensor")
     position: Vector = piece("added to the positions")
@@ -117,9 +117,9 @@ class OffsetMotion(AbstractMotion):
 
 
 def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
-    """The loop with injected signals; its memories have the same structure.
+    """Return the loop with injected signals; the structure of its memory is unchanged.
 
-    - `loop`: the loop, with a sensor in held mode.
+    - `loop`: the loop; in held mode it must have a sensor.
     """
     plant = eqx.tree_at(
         lambda p: p.disturbance, loop.plant, AddedDisturbance(loop.plant.disturbance, signals.disturbance)
@@ -134,7 +134,7 @@ def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
 
 
 def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[AbstractController, Memory]:
-    """The law with its learnt parameters frozen, and its memory without the learning state."""
+    """Return the law with its learnt parameters frozen, and its memory without the state of the learning."""
     if not isinstance(controller, SampledData) or controller.adaptation is None:
         return controller, memory
     adaptation = controller.adaptation
@@ -147,7 +147,7 @@ def freeze_adaptation(controller: AbstractController, memory: Memory) -> tuple[A
 class DelayLineMemory(eqx.Module):
     """The memory of `DelayLine`.
 
-    - `q`, `dq`: the last states, the newest first [m n].
+    - `q`, `dq`: the last m states [m n], the newest first.
     - `inner`: the memory of the delayed sensor.
     """
 
@@ -159,8 +159,8 @@ class DelayLineMemory(eqx.Module):
 class DelayLine(AbstractSensor):
     """`slidax.plant.Delayed` without jitter, as a shift register.
 
-    `Delayed` keeps the states in a ring buffer, whose index changes in each period: its period is not a
-    time-invariant map. In the shift register the newest state always comes first.
+    `Delayed` keeps the states in a ring buffer, whose index changes in each period: the period is then not
+    a time-invariant map. In the shift register the newest state always comes first.
     """
 
     sensor: AbstractSensor = piece("the delayed sensor")
@@ -200,7 +200,7 @@ OUTPUTS = ("error", "torque", "position", "velocity")
 class PeriodMap:
     """The map `x⁺, y = f(x, u)` of a sampling period, with x the state of the loop.
 
-    - `x`: the state at the operating point [m].
+    - `x`: the m states at the operating point [m].
     - `inputs`: size of u, n for each of `INPUTS`.
     - `outputs`: size of y, n for each of `OUTPUTS`.
     - `evaluate`: returns (x⁺, y) and its directional derivative for (x, u) and a direction, both [m + outputs].
@@ -235,7 +235,7 @@ class PeriodMap:
 
 
 def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
-    """The map of a loop's sampling period.
+    """Return the map of a sampling period of a loop.
 
     - `carry`: state of the loop before the sample.
     """
@@ -283,7 +283,7 @@ def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
 def _compiled(
     function: Any, arrays: Any, size: int
 ) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Compile to machine code within seconds; by XLA where this is not possible."""
+    """Compile a function to machine code within seconds, or by XLA if this is not possible."""
     known = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
     shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), arrays)
     numbers = jax.ShapeDtypeStruct((size,), float)

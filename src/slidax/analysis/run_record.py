@@ -30,11 +30,14 @@ from slidax.simulation.run import Run, columns_of
 Signal = NDArray[np.floating[Any]]
 
 InertiaAndBias = Callable[[Signal, Signal], tuple[Signal, Signal]]
-"""From positions and velocities [N n] to `M(q)` [N n n] and `C(q, q̇) q̇ + G(q)` [N n], in the units of the robot."""
+"""From positions and velocities [samples n] to `M(q)` [samples n n] and `C(q, q̇) q̇ + G(q)` [samples n].
+
+In the units of the robot.
+"""
 
 
 def inertia_and_bias(robot: AbstractRobot, q: Signal, dq: Signal) -> tuple[Signal, Signal]:
-    """`M(q)` and `C(q, q̇) q̇ + G(q)` of an arm at each of N samples."""
+    """Return `M(q)` and `C(q, q̇) q̇ + G(q)` of an arm at each sample."""
     return compiled_inertia_and_bias(robot)(q, dq)
 
 
@@ -68,7 +71,7 @@ def compiled_inertia_and_bias(robot: AbstractRobot) -> InertiaAndBias:
 def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:
     """Zero-phase low-pass filter, with a cut-off of at most half the Nyquist frequency.
 
-    - `signal`: samples [N ...].
+    - `signal`: sampled values [samples ...].
     - `cutoff`: cut-off frequency [rad/s].
     - `period`: sampling period [s].
     """
@@ -78,7 +81,7 @@ def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:
 def band_pass(signal: Signal, band: tuple[float, float], period: float) -> Signal:
     """Zero-phase band-pass filter, limited to the frequencies that the samples resolve.
 
-    - `signal`: samples [N ...].
+    - `signal`: sampled values [samples ...].
     - `band`: lower and upper frequency [rad/s].
     - `period`: sampling period [s].
     """
@@ -98,7 +101,7 @@ def resolvable_band(band: tuple[float, float], period: float) -> tuple[float, fl
 def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Torques at integer times, linearly interpolated at fractional times.
 
-    - `tau`: torques [N n].
+    - `tau`: torques [samples n].
     - `times`: times in periods [m].
     """
     integer = np.floor(times).astype(int)
@@ -115,7 +118,7 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
-    """Each joint's loop near its goal; None if its estimator is nonlinear.
+    """Return each joint's linear loop near its goal; None for a joint with a nonlinear estimator.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """
@@ -131,13 +134,13 @@ def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
 def measured_positions(
     sensor: AbstractSensor | None, q: np.ndarray, dq: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The measured positions at each sample [N n], and True for samples that arrived [N].
+    """The measured positions at each sample [samples n], and True for samples that arrived [samples].
 
     A simulated log has the true state, but the law received the measurement. The sensor's seed reproduces the noise of
     the run.
 
     - `sensor`: the run's sensor; None for an ideal sensor.
-    - `q`, `dq`: true positions and velocities [N n], from sample 0 on.
+    - `q`, `dq`: true positions and velocities [samples n], from sample 0 on.
     - `period`: h [s].
     """
     if sensor is None:
@@ -175,18 +178,21 @@ def require_explainable(scenario: Scenario) -> SampledData:
 
     - `scenario`: the scenario to check.
 
-    Raises DefinitionError if its scheme is not in sampled-data form, or has no envelope.
+    Raises DefinitionError if its scheme is not in sampled-data form or has no envelope, its encoders are at the motors
+    of elastic joints, or its actuator has a map.
     """
     law, start = scenario.controller, scenario.state0
     transmission = getattr(scenario.plant, "transmission", None)
     elasticity = None if transmission is None else transmission.elasticity
     if elasticity is not None and elasticity.encoder == "motor":
         raise DefinitionError(
-            "a simulated log has the links' positions, and the law measured the motors': set "
-            "`transmission.elasticity.encoder: link` for a diagnosis"
+            "a diagnosis needs the measured positions: the encoders are at the motors, but a simulated log has the "
+            "positions of the links; set `transmission.elasticity.encoder: link`"
         )
     if scenario.description.actuator.map or scenario.description.actuator.true_map:
-        raise DefinitionError("a diagnosis takes commands for the joints' torques: leave `actuator.map` out")
+        raise DefinitionError(
+            "a diagnosis takes commands as joint torques: leave `actuator.map` and `actuator.true_map` out"
+        )
     if isinstance(law, SampledData):
 
         def envelope(t: Scalar) -> Envelope | None:
@@ -203,18 +209,18 @@ def require_explainable(scenario: Scenario) -> SampledData:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Signals of a run that a real robot's log would also have, and the law; arrays of N samples and n joints.
+    """Signals of a run that a real robot's log would also have, and the law; n is the number of joints.
 
     - `scenario`: the scenario of the run; the diagnosis does not read its true plant.
     - `law`: the law in sampled-data form.
-    - `t`: time [s], [N].
-    - `q`: measured positions at the sample of their arrival [N n].
-    - `fresh`: True if a measurement arrived [N].
-    - `tau`: applied torque [N n], N m or N.
-    - `q_d`, `dq_d`, `ddq_d`: reference positions, velocities and accelerations [N n].
-    - `lower`, `upper`: the envelope [N n].
-    - `error`: the error that the envelope bounds [N n].
-    - `signals`: signals of the law, by name.
+    - `t`: time [s], [samples].
+    - `q`: measured positions at the sample of their arrival [samples n].
+    - `fresh`: True if a measurement arrived [samples].
+    - `tau`: applied torque [samples n], N m or N.
+    - `q_d`, `dq_d`, `ddq_d`: reference positions, velocities and accelerations [samples n].
+    - `lower`, `upper`: the envelope [samples n].
+    - `error`: the error that the envelope bounds [samples n].
+    - `signals`: signals of the law by name: `disturbance`, `residual`, and, if the law has them, `u` and `rotor`.
     - `names`, `units`: names and position units of the joints.
     """
 
@@ -316,7 +322,7 @@ class RunRecord:
 
     @cached_property
     def outside(self) -> np.ndarray:
-        """True where a joint is outside its envelope [N n]."""
+        """True where a joint is outside its envelope [samples n]."""
         return (self.error <= self.lower) | (self.error >= self.upper)
 
     @property
@@ -334,7 +340,7 @@ class RunRecord:
 
     @cached_property
     def narrow(self) -> np.ndarray:
-        """True where the envelope has its final width [N]."""
+        """True where the envelope has its final width [samples]."""
         width = (self.upper - self.lower).min(axis=1)
         return width <= NARROW * width[-1]
 
@@ -350,13 +356,13 @@ class RunRecord:
 
     @cached_property
     def mass_and_bias(self) -> tuple[np.ndarray, np.ndarray]:
-        """The nominal arm's `M0` [N n n] and `C0 q̇ + G0` [N n] along the measured motion."""
+        """The nominal arm's `M0` [samples n n] and `C0 q̇ + G0` [samples n] along the measured motion."""
         dq = np.gradient(self.q, self.period, axis=0)
         return inertia_and_bias(self.nominal, self.q, dq)
 
     @cached_property
     def lumped(self) -> np.ndarray:
-        """`M0 w`, the law's compensation of the lumped disturbance w, by its nominal or learned inertia [N n]."""
+        """`M0 w`, the law's compensation of the lumped disturbance w, by the nominal or learnt inertia [samples n]."""
         mass = self.mass_and_bias[0]
         if self.law.adaptation is not None:
             mass = np.asarray(
@@ -366,7 +372,7 @@ class RunRecord:
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
-        """Each joint's loop near its goal, by the law's model; None if its estimator is nonlinear."""
+        """Each joint's linear loop near its goal, by the law's model; None for a joint with a nonlinear estimator."""
         return joint_loops(self.scenario)
 
     @cached_property
@@ -389,7 +395,7 @@ class RunRecord:
 
     @cached_property
     def unexplained(self) -> np.ndarray:
-        """Torque that the model does not explain, `τ̄ - M0 a - C0 q̇ - G0` below the loop's band [N n], N m or N."""
+        """Torque that the model lacks, `τ̄ - M0 a - C0 q̇ - G0` below the loop's band [samples n], N m or N."""
         a = np.zeros_like(self.q)
         a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
         mass, bias = self.mass_and_bias
@@ -398,7 +404,7 @@ class RunRecord:
         return low_pass(torque - np.einsum("kij,kj->ki", mass, a) - bias, SLOW, self.period)
 
     def named(self, joint: int) -> str:
-        """A joint's number and name for messages."""
+        """Return a joint's number and name for messages."""
         own = f"joint {joint + 1}"
         return own if self.names[joint] == own else f"{own} (`{self.names[joint]}`)"
 

@@ -19,7 +19,7 @@ from .metrics import envelope_margin, peak_torque, steady_error, tolerance_margi
 class RunVerdict:
     """The verdict of a run.
 
-    - `good`: True if the run ended inside its envelope, and inside its tolerance band.
+    - `good`: True if the run reached its end inside its envelope and inside its tolerance band, if it has them.
     - `sentence`: the verdict, with the joint nearest to its bound among the logged samples.
     - `facts`: sentences on the largest steady error, the largest torque and the tool.
     """
@@ -35,14 +35,17 @@ def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
     facts = tuple(_facts(scenario, run))
     if not outcome.ok:
         return RunVerdict(False, outcome.message, facts)
-    name = "envelope" if run.has_envelope else "tolerance band"
-    margins = (envelope_margin if run.has_envelope else tolerance_margin)(run)
-    if margins is None:
+    bounds = {"envelope": envelope_margin(run) if run.has_envelope else None, "tolerance band": tolerance_margin(run)}
+    bounds = {name: margins for name, margins in bounds.items() if margins is not None}
+    if not bounds:
         return RunVerdict(True, "The run reached its end; its controller has no envelope.", facts)
+    for name, margins in bounds.items():
+        worst = int(np.argmin(margins))
+        if margins[worst] <= 0.0:
+            share = percent(-float(margins[worst]))
+            return RunVerdict(False, f"Outside the {name}: {_named(run, worst)}, by {share} of its width.", facts)
+    name, margins = next(iter(bounds.items()))
     worst = int(np.argmin(margins))
-    if margins[worst] <= 0.0:
-        share = percent(-float(margins[worst]))
-        return RunVerdict(False, f"Outside the {name}: {_named(run, worst)}, by {share} of its width.", facts)
     if run.log is None or run.log.envelope is None:
         closest = f"{_named(run, worst)}, {percent(float(margins[worst]))} of its width left"
     else:
@@ -101,7 +104,10 @@ def _facts(scenario: Scenario, run: Run) -> list[str]:
 
 
 def _largest(metric: Metric[np.ndarray | None] | Metric[np.ndarray], run: Run) -> tuple[float, str, str] | None:
-    """Largest value of a metric with its joint and unit; the first unit decides where joints differ in kind."""
+    """Return the largest value of a metric with its joint and unit; None if a value is missing.
+
+    Values of revolute and prismatic joints are compared as numbers, without their units.
+    """
     values = metric(run)
     if values is None or not np.isfinite(values).all():
         return None

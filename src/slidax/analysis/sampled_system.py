@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 CHUNK = 64
-"""Frequencies to solve for at a time."""
+"""Number of frequencies that are solved at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,9 @@ def _indices(names: tuple[str, ...], choice: str | list[str], kind: str) -> list
 
 
 def connected_states(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
-    """Indices of the states that an input can affect and that affect an output; clocks and constants do not.
+    """Return the indices of the states that an input can affect and that affect an output.
+
+    Others, such as clocks and constants, are left out.
 
     - `a`, `b`, `c`: the matrices.
     """
@@ -143,7 +145,7 @@ def connected_states(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
 
 
 POINTS = 1500
-"""Frequencies on the linear part of the grid; the logarithmic part has half as many."""
+"""Number of frequencies on the linear part of the grid; the logarithmic part has half as many."""
 
 LOWEST = 1e-5
 """Lowest frequency of the grid, as a multiple of π/h."""

@@ -38,7 +38,8 @@ class TorqueCause(AbstractCause):
         needed, limit, unit = needed_torque(record), record.torque_limits, record.torque_unit(joint)
         evidence = (
             f"{record.named(joint)}: its torque is at its limit of {limit[joint]:.4g} {unit} in "
-            f"{percent(share[joint])} of the samples just before; the motion needs up to {needed[joint]:.3g} {unit}"
+            f"{percent(share[joint])} of the samples just before the run left its envelope; the motion needs up to "
+            f"{needed[joint]:.3g} {unit}"
         )
         weak = needed > limit
         return Finding(
@@ -87,7 +88,7 @@ class TorqueRateCause(AbstractCause):
         unit = f"{record.torque_unit(joint)}/s"
         evidence = (
             f"{record.named(joint)}: its torque rate is at its limit of {limits[joint]:.4g} {unit} in "
-            f"{percent(share[joint])} of the samples just before"
+            f"{percent(share[joint])} of the samples just before the run left its envelope"
         )
         return Finding(
             name=self.name,
@@ -134,8 +135,8 @@ class RobustTorqueCause(AbstractCause):
         if lacks <= covers:
             return None
         evidence = (
-            f"u limits the estimate in {percent(share)} of the samples just before: the model error is up to "
-            f"{lacks:.3g} N m, but u covers {covers:.3g} N m"
+            f"u limits the compensation in {percent(share)} of the samples just before the run left its envelope: the "
+            f"model error is up to {lacks:.3g} N m, but u covers {covers:.3g} N m"
         )
         return Finding(
             name=self.name,
@@ -169,7 +170,7 @@ SURE = 4.0
 """Least ratio of an estimated mass to its standard error."""
 
 AROUND = (0.2, 2.0)
-"""Time after leaving the envelope to include, for a payload carried from the start and for one picked up [s]."""
+"""Time after leaving the envelope that a fit includes [s]: for a payload from the start, and for one picked up."""
 
 LEAST = 0.2
 """Smallest payload to report [kg]."""
@@ -184,7 +185,8 @@ class PayloadEstimate:
 
     - `mass`: its mass [kg].
     - `spread`: standard error of the mass [kg].
-    - `explained`: share of the unexplained torque that it explains, beyond friction and a scale of the arm's mass.
+    - `explained`: share of the unexplained torque that the payload explains, after a fit of friction and of a factor
+      on the arm's mass.
     - `most`: largest mass with which the drives can follow the motion [kg].
     - `height`: position of its centre on the tip's axis [m].
     """
@@ -219,7 +221,7 @@ class PayloadCause(AbstractCause):
             evidence += (
                 f"; the torque limits allow {max(estimate.most, 0.0):.2g} kg for this motion, and "
                 f"{record.named(joint)} is at its limit of {record.torque_limits[joint]:.4g} {unit} in "
-                f"{percent(share[joint])} of the samples just before and after"
+                f"{percent(share[joint])} of the samples just before and after the run left its envelope"
             )
         return Finding(
             name=self.name,
@@ -236,21 +238,24 @@ class PayloadCause(AbstractCause):
         )
 
     def _weight(self, record: RunRecord, estimate: PayloadEstimate) -> float:
-        """High near the torque limits and above, unless these were lowered: otherwise u may be at fault."""
+        """Return the weight, 0.62 to 0.93: it rises as the payload nears the largest one that the drives can carry.
+
+        With torque limits below the data sheet's it is at most 0.7. At a low weight, u may be the cause instead.
+        """
         if np.any(record.torque_limits < data_sheet_limit(record, "torque")):
             return 0.7 if estimate.most < estimate.mass else 0.62
         return 0.62 + 0.62 * float(np.clip(estimate.mass / max(estimate.most, LEAST) - HALF, 0.0, HALF))
 
 
 Torque = Callable[[Signal, Signal, Signal], Signal]
-"""From q, q̇ and q̈ [N n] to the torque of an arm [N n]."""
+"""From q, q̇ and q̈ [samples n] to the torque of an arm [samples n]."""
 
 
 def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
-    """Estimate a payload's mass from the unexplained torque by least squares, with friction and the arm's mass scale.
+    """Estimate a payload from the unexplained torque by least squares, with friction and a factor on the arm's mass.
 
-    The fit uses the samples until the run left its envelope, or those around and after, if the payload explains more
-    of them: the arm may have picked it up then.
+    The first fit uses the samples until shortly after the run left its envelope. The second uses those around and after
+    that time, when the arm may have picked the payload up. Return the fit in which the payload explains more.
     """
     short, long = (round(seconds / record.period) for seconds in AROUND)
     until = slice(0, min(len(record.t), max(record.left + short, long // 2)))
@@ -295,7 +300,7 @@ def _fit_payload(record: RunRecord, unloaded: Torque, loaded: list[Torque], part
 
 
 def _with_mass(nominal: Articulated, offset: float) -> Articulated:
-    """The arm with an additional kilogram on the tip's axis."""
+    """Return the arm with an additional mass of 1 kg on the tip's axis, at an offset [m]."""
     more = Carried(mass=as_array(1.0), center=as_array([0.0, 0.0, offset]))
     return eqx.tree_at(lambda robot: robot.payload, nominal, nominal.payload.joined(more))
 
@@ -397,7 +402,7 @@ class ContactCause(AbstractCause):
 
 
 def _accelerations(record: RunRecord, robot: Articulated, samples: list[int]) -> np.ndarray:
-    """Accelerations of the tip at the samples, below the loop's band [N 3], m/s²."""
+    """Return the tip's accelerations at some samples [samples 3], m/s², below the loop's band."""
     q = low_pass(record.q, SLOW, record.period)
     dq = np.gradient(q, record.period, axis=0)
     ddq = np.gradient(dq, record.period, axis=0)

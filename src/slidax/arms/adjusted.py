@@ -1,4 +1,4 @@
-"""Adjusted: an arm with other link masses and a body added at its tip, and its equations linear in these changes."""
+"""Adjusted: an arm whose equations of motion are linear in its links' changes and in a body added at its tip."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ PAYLOAD = 10
 
 
 class Adjusted(AbstractRobot):
-    """A nominal arm whose link i has `1 + factors_i` times its inertia, with a body added to the link of the tip.
+    """A nominal arm whose link i has `1 + factors_i` times its mass and inertia, with a body added at the tip.
 
-    Mass and bias are linear in `factors` and `body`. Friction, rotors and tip are the nominal arm's.
+    Inertia matrix and bias are linear in `factors` and `body`. Friction, rotors and tip are the nominal arm's.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
-    joint_names: tuple[str, ...] = piece("of the joints", static=True)
-    nominal: Articulated = piece("the arm as it is described")
+    joint_names: tuple[str, ...] = piece("names of the joints", static=True)
+    nominal: Articulated = piece("the arm without these changes")
     factors: Vector = parameter("relative change of each link's mass and inertia")
     body: Float[Array, "10"] = parameter(
         "added body in the frame of the joint that carries the tip: mass, mass times centre, inertia about the origin "
@@ -51,7 +51,7 @@ class Adjusted(AbstractRobot):
 
     @classmethod
     def of(cls, nominal: Articulated, factors: Vector, body: Float[Array, "10"]) -> Adjusted:
-        """Return the arm with these changes."""
+        """Return the nominal arm with changed links and an added body."""
         return cls(
             joint_units=nominal.joint_units,
             joint_names=nominal.joint_names,
@@ -77,7 +77,7 @@ class Adjusted(AbstractRobot):
         return self.nominal.tip(q)
 
     def bodies(self) -> Bodies:
-        """Return the links about their joints' origins."""
+        """Return the inertia of each link about its joint's origin, with the changes."""
         arm, scale, body = self.nominal, 1.0 + self.factors, self.body
         links = arm.bodies()
         at_tip = np.arange(arm.joints) == arm.tip_joint
@@ -88,7 +88,7 @@ class Adjusted(AbstractRobot):
         )
 
 
-# Traced once, and functions in exported C, as those of `Articulated`.
+# With jit, each is traced once and becomes a function in exported C, as in `Articulated`.
 @jax.jit
 def _placed(arm: Adjusted, q: Vector) -> tuple[Bodies, JointAxes]:
     at = arm.nominal.joint_frames(q)
@@ -107,22 +107,22 @@ def _bias(arm: Adjusted, bodies: Bodies, moved: JointAxes, dq: Vector) -> Vector
 
 
 class Regressor(NamedTuple):
-    """Torque and inertia of an arm, linear in its inertial parameters: those of an added body, and link factors.
+    """Derivatives of an arm's torques and inertia by the 10 parameters of a body at the tip, and by n link factors.
 
-    - `torque`: torque for each unit parameter [n 10+n], N m or N; without rotors and friction.
-    - `inertia`: diagonal entry of M for each [n 10+n], kg m² or kg.
+    - `torque`: derivative of each joint's torque by each parameter [n 10+n]; without rotors and friction.
+    - `inertia`: derivative of each diagonal entry of M by each parameter [n 10+n].
     """
 
     torque: Float[Array, "n p"]
     inertia: Float[Array, "n p"]
 
 
-# Traced once, and a function in exported C.
+# With jit, it is traced once and becomes a function in exported C.
 @jax.jit
 def inertial_regressor(arm: Articulated, q: Vector, dq: Vector, ddq: Vector) -> Regressor:
     """Return `∂τ/∂π` and `∂M_ii/∂π` for the body at the tip and for each link (Atkeson, An and Hollerbach 1986).
 
-    - `arm`: n joints; the sum over its link columns is its own inverse dynamics without rotors.
+    - `arm`: n joints. The sum of the link columns is the arm's own inverse dynamics without rotors.
     - `q`, `dq`, `ddq`: motion [n].
     """
     at = arm.joint_frames(q)
@@ -154,12 +154,12 @@ def inertial_regressor(arm: Articulated, q: Vector, dq: Vector, ddq: Vector) -> 
 
 
 def _power(axes: JointAxes, force: Float[Array, "3 k"], torque: Float[Array, "3 k"]) -> Float[Array, "n k"]:
-    """Torque of each joint under each wrench."""
+    """Return the torque of each joint under each of k wrenches."""
     return jnp.sum(axes.angular[:, :, None] * torque[:, None] + axes.linear[:, :, None] * force[:, None], axis=0)
 
 
 def _squares(axes: JointAxes) -> Float[Array, "10 n"]:
-    """Twice the kinetic energy for a unit velocity of each joint, by mass, moment and inertia of a body."""
+    """Derivatives of twice a body's kinetic energy by its 10 parameters, at a unit velocity of each joint."""
     w, v = axes
     moment = 2.0 * cross(v, w)
     products = [2.0 * w[0] * w[1], 2.0 * w[0] * w[2], 2.0 * w[1] * w[2]]
@@ -169,7 +169,7 @@ def _squares(axes: JointAxes) -> Float[Array, "10 n"]:
 def _from(
     rotation: Float[Array, "3 3"], place: Float[Array, "3"], angular: Float[Array, "3 k"], linear: Float[Array, "3 k"]
 ) -> tuple[Float[Array, "3 k"], Float[Array, "3 k"]]:
-    """Spatial vectors at the base's origin, seen from a frame."""
+    """Transform spatial vectors at the base's origin to a frame with axes `rotation` and origin `place`."""
     moved = linear + cross(angular, place[:, None])
     turned = (jnp.sum(rotation[:, :, None] * part[:, None], axis=0) for part in (angular, moved))
     return next(turned), next(turned)
@@ -178,9 +178,9 @@ def _from(
 def _body_columns(
     w: Float[Array, "3"], alpha: Float[Array, "3"], a: Float[Array, "3"]
 ) -> tuple[Float[Array, "3 10"], Float[Array, "3 10"]]:
-    """Force and torque at the origin of a body's frame for each of its parameters.
+    """Return force F and torque N at the origin of a body's frame for each of its parameters.
 
-    `F = m a + α x h + ω x (ω x h)`, `N = h x a + I α + ω x I ω`.
+    `F = m a + α x h + ω x (ω x h)`, `N = h x a + I α + ω x I ω`, with h the mass times the centre.
 
     - `w`, `alpha`: angular velocity and acceleration.
     - `a`: acceleration of the origin.

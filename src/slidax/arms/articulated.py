@@ -183,14 +183,14 @@ def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3
 
 
 def momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
-    """Linear and angular momentum about the base's origin [3 n]."""
+    """Return linear and angular momentum about the base's origin, [3 n] each."""
     full = bodies.inertia[np.asarray(INDICES)]
     momentum = bodies.mass * linear + cross(angular, bodies.moment)
     return momentum, jnp.sum(full * angular[None], axis=1) + cross(bodies.moment, linear)
 
 
 def _sum_over_ancestors(own: Float[Array, "k n"], parents: Sequence[int]) -> Float[Array, "k n"]:
-    """For each joint, the sum over the joint and all its ancestors."""
+    """Return, for each joint, the sum over the joint and all its ancestors."""
     sums: list[Any] = []
     for i, parent in enumerate(parents):
         sums.append(own[:, i] + sums[parent] if parent >= 0 else own[:, i])
@@ -198,7 +198,7 @@ def _sum_over_ancestors(own: Float[Array, "k n"], parents: Sequence[int]) -> Flo
 
 
 def _sum_over_descendants(own: Float[Array, "... n"], parents: Sequence[int]) -> Float[Array, "... n"]:
-    """For each joint, the sum over the joint and all its descendants."""
+    """Return, for each joint, the sum over the joint and all its descendants."""
     sums: list[Any] = [own[..., i] for i in range(len(parents))]
     for i, parent in reversed(list(enumerate(parents))):
         if parent >= 0:
@@ -269,10 +269,10 @@ class Articulated(AbstractRobot):
             if len(entries) != n:
                 raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {entries}")
         if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
-            raise DefinitionError(f"`parents` of {self.name} must each be before their joint; got {self.parents}")
+            raise DefinitionError(f"`parents` of {self.name} must be earlier joints or -1; got {self.parents}")
 
     def with_zero(self, offset: Vector) -> Articulated:
-        """Return the arm in the positions of encoders with an offset: its `q` is this arm's `q + offset`.
+        """Return the arm in encoder positions with an offset: at `q` it has the posture of this arm at `q + offset`.
 
         - `offset`: true positions minus those of the encoders [n], rad or m.
         """
@@ -327,7 +327,7 @@ class Articulated(AbstractRobot):
         return _frames(self.rotations, self.translations, q, self.parents, self.revolute)
 
     def bodies(self) -> Bodies:
-        """Return the links about their joints' origins; the payload is part of the link that carries the tip."""
+        """Return the inertia of each link about its joint's origin; the link with the tip includes the payload."""
         links = _about_the_origin(self.masses, self.centers, self.inertias)
         r, load = self.tip_rotation, self.payload
         center = self.tip_translation + jnp.sum(r * load.center[None], axis=1)

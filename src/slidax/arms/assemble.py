@@ -44,7 +44,10 @@ def require_regular_inertia(arm: Articulated) -> None:
 
 
 def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
-    """`Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in NumPy: JAX would compile a program for each operation of a new arm."""
+    """Return the inertia matrix `Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in a posture [n n].
+
+    In NumPy, since JAX would compile a program for each operation of a new arm.
+    """
     rotations, translations = np.asarray(arm.rotations), np.asarray(arm.translations)
     centers, inertias, masses = np.asarray(arm.centers), np.asarray(arm.inertias), np.asarray(arm.masses)
     placed: list[tuple[np.ndarray, np.ndarray]] = []
@@ -222,7 +225,7 @@ def _lock(
 
 
 def _add(carrier: _MovingBody, joint: Joint, here: _LinkFrame) -> None:
-    """Add a link's mass to the body that carries it."""
+    """Add a link's mass and inertia to the body that carries it."""
     center = here.translation + here.rotation @ np.asarray(joint.center, float)
     turned = here.rotation @ np.asarray(joint.inertia, float) @ here.rotation.T
     # Written so that the numbers of a single link remain exactly those of the file.
@@ -235,7 +238,7 @@ def _add(carrier: _MovingBody, joint: Joint, here: _LinkFrame) -> None:
 
 
 def _check_masses(moved: Mapping[str, _MovingBody], name: str) -> None:
-    """Require mass behind each joint; a link between two joints may be massless if a later link has mass."""
+    """Require that each joint moves mass; a link between two joints may be massless if a later link has mass."""
     if moved and not any(body.mass > 0 or body.joint.armature > 0 for body in moved.values()):
         raise DefinitionError(
             f"no moving link of {name} has a mass, as in files that are only for drawing: use a file with masses and "

@@ -19,7 +19,7 @@ from .rotations import matrix_of, quaternion_of
 
 
 class PlacedAxis(NamedTuple):
-    """A joint's axis in a posture, in the base frame; direction and position are series of vectors [... 3]."""
+    """A joint's axis in the base frame; direction and position are Taylor series of vectors [... 3]."""
 
     joint: int
     revolute: bool
@@ -28,7 +28,7 @@ class PlacedAxis(NamedTuple):
 
 
 class PlacedTool(NamedTuple):
-    """The tool's axes x, y, z and its position in a posture, series of vectors [... 3], and the axes of its joints."""
+    """The tool's axes x, y, z and its position, Taylor series of vectors [... 3], and the axes of its joints."""
 
     x: Series
     y: Series
@@ -39,7 +39,7 @@ class PlacedTool(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KinematicChain:
-    """The joints that move a robot's tip, each about or along the z axis of its frame.
+    """The joints that move a robot's tip; each turns about, or slides along, the z axis of its frame.
 
     - `joints`: indices of the joints that move the tip [c].
     - `rotations`, `translations`: each joint's frame in the previous frame, at position 0 [c 3 3], [c 3].
@@ -65,7 +65,7 @@ class KinematicChain:
         return len(self.names)
 
     def tool(self, q: Series) -> PlacedTool:
-        """Return tool and joint axes at positions [... n], a series."""
+        """Return the tool's frame and the joint axes at joint positions, a Taylor series of vectors [... n]."""
         orders, shape = len(q), q[0].shape[:-1]
         columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
         position = constant(np.zeros((*shape, 3)), orders)
@@ -121,7 +121,7 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
         )
     if isinstance(robot, Coupled):
         raise DefinitionError(
-            f"joint `{robot.followers[0]}` of {robot.name} follows another one, so the arm is not a chain of "
+            f"joint `{robot.followers[0]}` of {robot.name} follows another joint, so the arm is not a chain of "
             f"independent joints: give the motion in joint positions, or hold the follower by `locked`"
         )
     if not isinstance(robot, TwoLink | Scara):
@@ -150,7 +150,7 @@ def kinematic_chain(robot: AbstractRobot) -> KinematicChain:
 
 
 def _combine(columns: list[Series], weights: Array) -> Series:
-    """Return a linear combination of three vectors."""
+    """Return a linear combination of three Taylor series of vectors."""
     parts = [scale_series(column, weight) for column, weight in zip(columns, weights, strict=True) if weight != 0.0]
     return sum_series(*parts) if parts else scale_series(columns[0], 0.0)
 
@@ -197,12 +197,12 @@ class Pose:
 
     @property
     def quaternion(self) -> Array:
-        """w, x, y, z of length 1, w >= 0 [4]."""
+        """The orientation as a quaternion w, x, y, z of length 1, w >= 0 [4]."""
         return quaternion_of(self.rotation)
 
 
 def numbers(owner: str, value: object, size: int) -> Array:
-    """Return `size` finite numbers as an array.
+    """Return a value as an array of `size` finite numbers.
 
     - `owner`: name of the field, for the message.
 

@@ -43,7 +43,7 @@ class Coupled(AbstractRobot):
                 f"{self.arm.name}; got {', '.join(map(str, sizes))}"
             )
         if set(self.leaders) != set(range(n)) or len(self.joint_units) != n:
-            raise DefinitionError(f"`leaders` must name each of the {n} coordinates at least once; got {self.leaders}")
+            raise DefinitionError(f"`leaders` must name each of the {n} leading joints; got {self.leaders}")
 
     @property
     def name(self) -> str:
@@ -57,12 +57,12 @@ class Coupled(AbstractRobot):
 
     @property
     def armature(self) -> Vector:
-        """Rotor inertia at the leaders [n], kg m² or kg."""
+        """Rotor inertia at the leaders, including that of their followers [n], kg m² or kg."""
         return jnp.sum(self._ratio_matrix() ** 2 * self.arm.armature[:, None], axis=0)
 
     @property
     def viscous(self) -> Vector:
-        """Viscous friction at the leaders [n], N m s/rad or N s/m."""
+        """Viscous friction at the leaders, including that of their followers [n], N m s/rad or N s/m."""
         return jnp.sum(self._ratio_matrix() ** 2 * self.arm.viscous[:, None], axis=0)
 
     @property
@@ -117,8 +117,8 @@ def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) 
 
     - `following`: by follower name, the leader's name, the ratio, and the follower's position at leader position 0.
 
-    Raises DefinitionError if a name is not a joint of the arm, a leader is a follower, or a follower's range excludes
-    its leader's.
+    Raises DefinitionError if a name is not a joint of the arm, a leader is a follower, a ratio is 0 or not finite, or a
+    follower's range excludes its leader's.
     """
     names = arm.joint_names
     for follower, (leader, ratio, offset) in following.items():
@@ -126,7 +126,7 @@ def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) 
             if name not in names:
                 raise DefinitionError(f"joint `{name}` is not a joint of {arm.name}, which has {', '.join(names)}")
         if leader in following:
-            raise DefinitionError(f"joint `{follower}` must follow a joint that leads; `{leader}` follows another one")
+            raise DefinitionError(f"joint `{follower}` must follow an independent joint; `{leader}` is a follower")
         if not (np.isfinite([ratio, offset]).all() and ratio != 0.0):
             raise DefinitionError(
                 f"the ratio of joint `{follower}` must be finite and not 0, and its offset finite; got {ratio:g} and "

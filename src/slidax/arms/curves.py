@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Series: TypeAlias = list[Any]
+"""Coefficients of a truncated Taylor series, from order 0 on; None for a coefficient that is 0."""
 
 
 def constant(value: Array, orders: int) -> Series:
@@ -40,7 +41,7 @@ def product(a: Series, b: Series, bilinear: Callable[[Any, Any], Any] = np.multi
 
 
 def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
-    """Return cosine and sine of an angle [rad] with at most three coefficients."""
+    """Return cosine and sine of an angle [rad], a series with at most three coefficients."""
     c, s = np.cos(angle[0]), np.sin(angle[0])
     first, second = (*angle[1:], None, None)[:2]
     cosine: Series = [c, None if first is None else -s * first]
@@ -52,7 +53,7 @@ def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
 
 
 def inverse_root(series: Series) -> Series:
-    """Return `x^(-1/2)` for x > 0 with at most three coefficients."""
+    """Return `x^(-1/2)` of a series x > 0 with at most three coefficients."""
     x = series[0]
     root = x**-0.5
     first, second = (*series[1:], None, None)[:2]
@@ -96,7 +97,7 @@ def _sum(terms: list[Any]) -> Any:
 
 
 class TargetPose(NamedTuple):
-    """Target pose of the tool: axes x, y, z and position, series of vectors [... 3]."""
+    """Target pose of the tool: axes x, y, z and position, Taylor series of vectors [... 3]."""
 
     x: Series
     y: Series
@@ -109,10 +110,10 @@ class AbstractCurve:
 
     @abstractmethod
     def aim(self, s: Series) -> TargetPose:
-        """Return the target at s in [0, 1], a series of numbers [...]."""
+        """Return the target pose at the curve parameter s in [0, 1], a Taylor series of numbers [...]."""
 
     def at(self, s: Array | float) -> tuple[Array, Array]:
-        """Return orientation [... 3 3] and position [... 3], m, at s in [0, 1]."""
+        """Return orientation [... 3 3] and position [... 3], m, at the curve parameter s in [0, 1]."""
         aim = self.aim([np.asarray(s, float)])
         return np.stack([aim.x[0], aim.y[0], aim.z[0]], axis=-1), aim.position[0]
 
@@ -186,7 +187,7 @@ def constant_pose(rotation: Array, position: Array) -> Helix:
 
 
 def _rotate(axis: Array, angle: Series, vector: Array) -> Series:
-    """Rotate a vector about an axis, by Rodrigues' formula."""
+    """Rotate a vector about an axis by an angle, a series, with Rodrigues' formula."""
     cosine, sine = cosine_and_sine(angle)
     crossed = cross(axis, vector)
     again = cross(axis, crossed)

@@ -28,10 +28,10 @@ from .curves import (
 HeldCoordinates = Literal["place", "axis", "pose"]
 
 HOLDS = {"place": 3, "axis": 5, "pose": 6}
-"""Held coordinates of the tool and their number: position, also direction of the z axis, or the whole pose."""
+"""Number of prescribed tool coordinates: position only, position and direction of the z axis, or the whole pose."""
 
 BARRIER = 0.02
-"""Weight of a redundant arm's joint limits, relative to that of the posture."""
+"""Weight of the joint-limit barrier of a redundant arm, relative to the weight of the posture."""
 
 SEED, DRAWN = 0, 8
 """Seed and number of random postures for the Jacobian's rank."""
@@ -39,16 +39,17 @@ SEED, DRAWN = 0, 8
 
 @dataclass(frozen=True, eq=False)
 class PoseTask:
-    """Minimise `½ Σ ((q - q_0)/w)²` over the postures that have the tool at its target.
+    """Minimise `½ Σ ((q - q_0)/w)²` over the postures with the tool at its target.
 
     A barrier, whose slope is 0 at q_0, keeps a redundant arm's joints inside their limits. The posture is therefore a
-    smooth function of the tool's pose: a closed path of the tool is a closed path of the joints.
+    smooth function of the tool's pose: a closed path of the tool gives a closed path of the joints.
 
     - `hold`: the prescribed coordinates of the tool.
     - `posture`: q_0 [n], rad or m.
     - `widths`: w [n], half of each joint's range; 1 for a joint without limits.
     - `lower`, `upper`: joint limits [n]; infinite for an arm that is not redundant.
-    - `damping`: pose error accepted near a singularity, m or rad per unit of force; 0 for none.
+    - `damping`: the tool's error is `damping²` times the force on the tool, to bound the force near a singularity; 0
+      for no error.
     """
 
     chain: KinematicChain
@@ -62,7 +63,8 @@ class PoseTask:
     def residual(self, q: Series, force: Series, aim: TargetPose) -> Series:
         """Return the residual of the optimality conditions: the gradient of the Lagrangian, and the tool's error.
 
-        - `q`, `force`: posture and forces on the tool, series [... n], [... m].
+        - `q`, `force`: posture and forces on the tool, Taylor series [... n], [... m]; m is the number of coordinates.
+        - `aim`: the target pose.
         """
         tool = self.chain.tool(q)
         gradient = sum_series(self._slope(q), self._joint_forces(tool, force, aim))
@@ -70,7 +72,7 @@ class PoseTask:
         return [_concatenate(a, b, q[0], force[0]) for a, b in zip(gradient, error, strict=True)]
 
     def error(self, tool: PlacedTool, aim: TargetPose) -> Series:
-        """Return the tool's error in m and, for small angles, rad, a series [... m]."""
+        """Return the error of the prescribed coordinates, a Taylor series: position in m, small angles in rad."""
         position = sum_series(tool.position, scale_series(aim.position, -1.0))
         if self.hold == "place":
             return position
@@ -84,7 +86,7 @@ class PoseTask:
         return [_concatenate(a, b, position[0], turned[0]) for a, b in zip(position, turned, strict=True)]
 
     def _joint_forces(self, tool: PlacedTool, force: Series, aim: TargetPose) -> Series:
-        """Return the joint forces from a force on the tool, a series [... n]."""
+        """Return the joint forces from a force on the tool, a Taylor series [... n]."""
         pull = [None if c is None else c[..., :3] for c in force]
         moment: Series = scale_series(pull, 0.0)
         if self.hold == "pose":
@@ -113,7 +115,7 @@ class PoseTask:
         ]
 
     def _slope(self, q: Series) -> Series:
-        """Return the gradient of the minimised function, a series [... n]."""
+        """Return the gradient of the minimised function by q, a Taylor series [... n]."""
         slope = (q[0] - self.posture) / self.widths**2
         slope = slope + BARRIER * (self._barrier(q[0])[0] - self._barrier(self.posture)[0])
         series: Series = [slope]
@@ -136,7 +138,10 @@ class PoseTask:
 
 
 class LinearisedTask(NamedTuple):
-    """Residual at points of a curve [k n+m], with its derivatives by z [k n+m n+m] and by s [k n+m]."""
+    """Residual at k points of a curve [k n+m], with its derivatives by z [k n+m n+m] and by s [k n+m].
+
+    z has the n joint positions and the m forces on the tool.
+    """
 
     residual: Array
     by_z: Array
@@ -170,14 +175,14 @@ def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: A
 
 
 def tool_errors(task: PoseTask, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
-    """Return the tool's errors at postures q [k n], [k] m and [k] rad; the angle is 0 if only the position is held."""
+    """Return the tool's errors at postures q [k n], in m and rad, [k] each; the angle is 0 for the hold "place"."""
     return pose_error(*task.chain.frame(q), *curve.at(s), task.hold)
 
 
 def pose_error(
     rotation: Array, position: Array, other_rotation: Array, other_position: Array, hold: HeldCoordinates
 ) -> tuple[Array, Array]:
-    """Return the distance between two poses, m and rad, in the held coordinates.
+    """Return the distance between two poses, m and rad, in the prescribed coordinates.
 
     - `rotation`, `position`: first pose [... 3 3], [... 3].
     - `other_rotation`, `other_position`: second pose.
@@ -193,7 +198,7 @@ def pose_error(
 
 
 def jacobian(task: PoseTask, q: Array) -> Array:
-    """Return the Jacobian of the held coordinates [... m n] at postures [... n]."""
+    """Return the Jacobian of the prescribed tool coordinates [... m n] at postures [... n]."""
     n = q.shape[-1]
     values = np.broadcast_to(q[..., None, :], (*q.shape[:-1], n, n))
     tool = task.chain.tool([values, np.broadcast_to(np.eye(n), values.shape)])
@@ -211,7 +216,10 @@ def least_motion(task: PoseTask, q: Array) -> Array:
 
 
 def task_rank(task: PoseTask) -> int:
-    """Return the number of held coordinates that the joints can move: the Jacobian's largest rank."""
+    """Return how many of the prescribed tool coordinates the joints can move.
+
+    This is the Jacobian's largest rank at 8 random postures.
+    """
     postures = task.posture + np.random.default_rng(SEED).uniform(-1.0, 1.0, (DRAWN, task.posture.size))
     return int(np.linalg.matrix_rank(jacobian(task, postures), tol=1e-6).max())
 
@@ -235,14 +243,14 @@ NEWTON_STEPS = 15
 """Most Newton steps; near a solution three are enough."""
 
 SMALL = 1e-9
-"""A shorter step is the last one, since the next would be at rounding level."""
+"""Bound of the last Newton step, rad or m, and of the residual after it; a further step would be at rounding level."""
 
 EMPTY = 1e-11
 """Smaller singular values, relative to the largest, belong to directions in which the tool can never move."""
 
 
 def solve_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array | None:
-    """Return postures and forces that solve the equations [k n+m], or None if some do not converge.
+    """Return postures and forces that solve the task at k points of a curve [k n+m]; None unless all converge.
 
     - `z`: initial values [k n+m].
     - `s`: curve parameters [k].
@@ -274,15 +282,15 @@ def solve_singular(matrices: Array, right: Array) -> Array:
 
 
 TRIES, START_SEED = 16, 0
-"""Number of starts of a search, and the seed for all but the first."""
+"""Largest number of starts of a search, and the seed of the random starts."""
 
 AT_LIMIT = 1e-5
-"""A joint within this part of its range from a limit counts as at the limit."""
+"""A joint counts as at a limit within this share of its range."""
 
 
 @dataclass(frozen=True, eq=False)
 class InverseSolution:
-    """A posture that has the tool at a pose.
+    """Joint positions that put the tool at a pose.
 
     - `q`: positions [n], rad or m.
     - `position_error`, `rotation_error`: error of the tool, m and rad.
@@ -300,10 +308,10 @@ class InverseSolution:
 def inverse(
     robot: AbstractRobot, pose: Pose, *, start: object, hold: HeldCoordinates = "pose", posture: object = None
 ) -> InverseSolution:
-    """Return the joint positions within the limits, near a start, that have the tool at a pose.
+    """Return joint positions within the limits, near a start, that put the tool at a pose.
 
     A trust-region search (damped least squares with bounds) starts at `start`. If it fails, it starts again at random
-    postures, and the solution nearest to `start` is returned. For a redundant arm, this is then the solution nearest to
+    postures, and the solution nearest to `start` counts. For a redundant arm, this solution is then moved towards
     `posture`, with each joint scaled by its range. The result is deterministic.
 
     - `start`: posture from which to search [n], rad or m.
@@ -333,8 +341,8 @@ def inverse_of_chain(
     if outside.any():
         joint = int(np.argmax(outside))
         raise DefinitionError(
-            f"`start` must be within the limits of the joints: {chain.names[joint]} is at {begin[joint]:.4g}, and "
-            f"has {lower[joint]:.4g} to {upper[joint]:.4g}"
+            f"`start` must be within the limits of the joints: {chain.names[joint]} is at {begin[joint]:.4g}, its "
+            f"limits are {lower[joint]:.4g} and {upper[joint]:.4g}"
         )
     generator = np.random.default_rng(START_SEED)
     best: tuple[float, Array] | None = None
@@ -362,7 +370,7 @@ def inverse_of_chain(
 
 
 def require_hold(hold: str) -> None:
-    """Raise DefinitionError for an unknown name of the held coordinates."""
+    """Raise DefinitionError unless `hold` is "place", "axis" or "pose"."""
     if hold not in HOLDS:
         raise DefinitionError(f'must be "place", "axis" or "pose"; got "{hold}"', where="hold")
 
@@ -390,7 +398,7 @@ def pose_task(chain: KinematicChain, posture: Array, hold: HeldCoordinates, damp
 
 
 def _search(chain: KinematicChain, pose: Pose, guess: Array, hold: HeldCoordinates) -> Array:
-    """Search by damped least squares within the limits, on differences of positions and of axes."""
+    """Return a posture by damped least squares within the limits; the residual has differences of position and axes."""
     from scipy.optimize import least_squares
 
     inset = 1e-9 * np.where(np.isfinite(chain.upper - chain.lower), chain.upper - chain.lower, 1.0)

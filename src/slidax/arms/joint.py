@@ -26,7 +26,7 @@ def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setti
     A principal moment may be 0, as for a thin rod, or negative within rounding relative to the largest.
 
     - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-    - `what`: name of the inertia, for the message.
+    - `what`: the inertia and its owner, for the message, such as "the inertia of link `forearm`".
     - `moves`: True if a joint moves the body; then an inertia of 0 is rejected, since it is usually a missing value.
     - `setting`: the setting that selects the nearest possible inertia, for the message.
     """
@@ -35,7 +35,7 @@ def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setti
     end = f"; {setting.in_python} takes the nearest that a body can have" if setting else ""
     if moves and is_point(inertia):
         raise DefinitionError(
-            f"{what} must be positive definite; its principal moments are {listed} kg m²; write the body's own there"
+            f"{what} must be positive definite; its principal moments are {listed} kg m²; write the body's inertia"
         )
     if is_rigid(inertia):
         return
@@ -86,7 +86,7 @@ class Joint:
 
     - `kind`: "revolute", "prismatic" or "fixed"; a continuous joint is revolute with infinite limits.
     - `parent`: name of the parent joint; None for the base.
-    - `link`: name of the link that it moves.
+    - `link`: name of the link that the joint moves.
     - `rotation`, `translation`: the link's frame in the parent link's frame, at position 0 [3 3], [3], m.
     - `axis`: joint axis in the link's frame [3]; unused for a fixed joint.
     - `mass`: mass of the link, kg.

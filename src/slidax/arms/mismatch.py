@@ -61,7 +61,7 @@ class Mismatch(AbstractPart):
 
     mass_factor: PerJoint = parameter("factor on the links' masses", "", "> 0", default=1.0)
     inertia_factor: PerJoint | None = parameter(
-        "factor on their inertias about the centres of mass; by default `mass_factor`", "", "> 0", default=None
+        "factor on the links' inertias about their centres of mass; by default `mass_factor`", "", "> 0", default=None
     )
     viscous: PerJoint | None = parameter("viscous friction", "N m s/rad or N s/m", ">= 0", default=None)
     coulomb: PerJoint | None = parameter("Coulomb friction", "N m or N", ">= 0", default=None)
@@ -72,10 +72,10 @@ class Mismatch(AbstractPart):
         "kg, kg m, kg m²",
         default=None,
     )
-    load: TimedPayload | None = piece("payload at the tip with its times; None without one", default=None)
+    load: TimedPayload | None = piece("payload at the tip, with its times; None for no payload", default=None)
 
     def applied(self, nominal: Arm) -> Arm:
-        """Return the true arm, without the payload.
+        """Return the true arm, without the payload `load`.
 
         Raises DefinitionError if a list has another length than the number of joints, including followers.
         """

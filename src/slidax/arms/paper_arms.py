@@ -26,8 +26,10 @@ def _point_masses(
 ) -> Articulated:
     """Return a chain with one point mass for each link.
 
-    - `turns`, `places`: each joint's axes and position in the last one's frame [n 3 3], [n 3].
-    - `centers`: positions of the masses and, last, of the tip [n 3]. `armature`: [n]. `down`: gravity's direction [3].
+    - `turns`, `places`: each joint's axes and position in the previous joint's frame [n 3 3], [n 3].
+    - `centers`: positions of the masses; the last is also that of the tip [n 3].
+    - `armature`: rotor inertias [n].
+    - `down`: direction of gravity [3].
     """
     n = robot.joints
     nothing, unlimited = jnp.zeros(n), jnp.full(n, jnp.inf)

@@ -46,7 +46,7 @@ def least_eigenvalue(body: Body) -> tuple[Float[Array, ""], Body]:
     return values[at], jnp.stack([w * w, 2.0 * x * w, 2.0 * y * w, 2.0 * z * w, *moments])
 
 
-# Traced once, and a function in exported C.
+# With jit, it is traced once and becomes a function in exported C.
 @jax.jit
 def eigen(matrix: Float[Array, "4 4"]) -> tuple[Float[Array, "4"], Float[Array, "4 4"]]:
     """Return eigenvalues and eigenvectors, as columns, of a symmetric matrix by cyclic Jacobi rotations.
@@ -65,7 +65,7 @@ def eigen(matrix: Float[Array, "4 4"]) -> tuple[Float[Array, "4"], Float[Array, 
 
 
 def _rotated(a: Array, vectors: Array, first: int, second: int) -> tuple[Array, Array]:
-    """Both matrices after the rotation that makes `a[first, second]` zero."""
+    """Return both matrices after the Jacobi rotation that makes `a[first, second]` zero."""
     off, gap = a[first, second], a[second, second] - a[first, first]
     size = jnp.abs(gap) + jnp.sqrt(gap * gap + 4.0 * off * off)
     tangent = jnp.where(gap >= 0, 2.0, -2.0) * off / jnp.where(size > 0, size, 1.0)

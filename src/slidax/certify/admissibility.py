@@ -57,7 +57,7 @@ class _Start:
     """Errors of all starts of the set at t = 0.
 
     - `error`: largest |e|, [n], rad or m.
-    - `share`: |e| relative to the nearer bound, [n].
+    - `share`: largest |e| relative to the envelope's bound on the same side, [n].
     """
 
     def __init__(self, extent: StartBox, reference: np.ndarray, envelope: Any) -> None:
@@ -117,7 +117,7 @@ def _parameters(scenario: Scenario) -> list[Assumption]:
 
 
 def _limits(scenario: Scenario) -> list[Assumption]:
-    """Check positions and speeds of the reference; between the samples acceleration and jerk bound them."""
+    """Check positions and speeds of the reference. Between samples, acceleration and jerk bound their change."""
     assumptions = []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot

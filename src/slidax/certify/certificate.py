@@ -49,7 +49,7 @@ class Verdict:
 
     - `title`: short form of the guarantee, for a table.
     - `holds`: None if the certificate does not apply; `statement` has the reason.
-    - `margin`: relative to the allowed value, positive if the guarantee holds; None if there is no number.
+    - `margin`: distance to the allowed value, relative to it; positive if the guarantee holds, None if not a number.
     - `bound`: bounds by name, scalars or one value per joint, in SI units.
     - `statement`: the guarantee as a sentence with units and equation.
     - `remedies`: the smallest changes with which the guarantee would hold, best first; empty if it holds.
@@ -189,7 +189,7 @@ class Certificate(Generic[Options]):
         return ""
 
     def _covers(self, path: str) -> bool:
-        """Return True if a path is covered; a band of inertial parameters, not a box, must be covered by name."""
+        """Return True if a path is covered. The band of inertial parameters counts only if `covers` names it."""
         return INERTIAL_PATH in self.covers if path == INERTIAL_PATH else any(_below(path, r) for r in self.covers)
 
 

@@ -61,7 +61,7 @@ class Certificates:
         certified.holds
         certified["tracking_bound"].bound
 
-    - `scenario`: its name.
+    - `scenario`: the scenario's name.
     """
 
     scenario: str

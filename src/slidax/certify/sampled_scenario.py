@@ -31,7 +31,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @dataclass(eq=False)
 class BatchedFunction:
-    """A function that is evaluated for each row, by native code if possible: XLA takes ten times as long to compile.
+    """A function that is evaluated for each row. Native code is preferred, as XLA takes ten times as long to compile.
 
     - `function`: function from arrays to an array, or a tuple of them.
     """
@@ -69,9 +69,9 @@ SAMPLES = 4001
 
 @dataclass(frozen=True, eq=False)
 class SampledReference:
-    """A scenario's reference at sampled times, with its true arm and its law's arm there.
+    """A scenario's reference at sampled times, with the inertia and torques of arms along it.
 
-    The spacing is not a multiple of the period, so that effects that repeat with the period are sampled at all phases.
+    The times are spread so that effects that repeat with the period are sampled at all phases.
 
     - `first`: the first time, s.
     """
@@ -90,11 +90,11 @@ class SampledReference:
 
     @cached_property
     def states(self) -> tuple[Floats, Floats, Floats]:
-        """`q_d`, `q̇_d`, `q̈_d` at the sample times, [N n]."""
+        """`q_d`, `q̇_d`, `q̈_d` at the sample times, [times n]."""
         return self.reference(self.times)
 
     def reference(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return `q_d`, `q̇_d`, `q̈_d` at given times, [N n]."""
+        """Return `q_d`, `q̇_d`, `q̈_d` at given times, [times n]."""
         q, dq, ddq = self._reference(times)
         return q, dq, ddq
 
@@ -108,17 +108,17 @@ class SampledReference:
 
     @cached_property
     def plant(self) -> Plant:
-        """The true arm."""
+        """The true arm with its payload and external forces."""
         plant = self.scenario.plant
         return plant if isinstance(plant, Plant) else plant.own
 
     def of_arm(self, robot: AbstractRobot) -> tuple[Floats, Floats]:
-        """Return `M` [N n n] and `C q̇ + G` [N n] of an arm along the motion."""
+        """Return `M` [times n n] and `C q̇ + G` [times n] of an arm along the motion."""
         return inertia_and_bias(robot, *self.states[:2])
 
     @cached_property
     def truth(self) -> tuple[Floats, Floats]:
-        """`M` [N n n] and `C q̇ + G + F` [N n] of the true arm with its payload along the motion."""
+        """`M` [times n n] and `C q̇ + G + F` [times n] of the true arm with its payload along the motion."""
         mass, bias = self.of_arm(self.plant.robot)
         load = self.plant.load
         if load is not None:
@@ -130,7 +130,7 @@ class SampledReference:
 
     @cached_property
     def external_torque(self) -> Floats:
-        """External torque along the motion [N n], N m or N."""
+        """External torque along the motion [times n], N m or N."""
         disturbance = BatchedFunction(lambda t, q, dq: self.plant.disturbance(t, State(q=q, dq=dq)))
         return disturbance(self.times, *self.states[:2])[0]
 
@@ -142,9 +142,9 @@ def has_envelope(scenario: Scenario) -> bool:
 
 
 def envelope_bounds(scenario: Scenario, times: Floats) -> tuple[Floats, Floats] | None:
-    """Return the lower and upper bounds for the scenario's own start, [N n]; None for a law without an envelope.
+    """Return the envelope's lower and upper bounds for the scenario's own start, each [times n]; None without one.
 
-    - `times`: [N], s.
+    - `times`: [times], s.
     """
     if not has_envelope(scenario):
         return None
@@ -177,7 +177,7 @@ def surface_law(scenario: Scenario) -> Any | None:
 
 
 def envelope_width(scenario: Scenario, t: Floats) -> Floats | None:
-    """Return the larger side of the envelope at times [N n], rad or m; None for a scheme without an envelope."""
+    """Return the larger side of the envelope at times [times n], rad or m; None for a scheme without an envelope."""
     law, start = scenario.controller, scenario.state0
     zero = jnp.zeros(())
     memory = law.init(zero, start, scenario.trajectory.reference(zero))

@@ -17,21 +17,22 @@ RUNS = 300
 """Default number of random runs."""
 
 SEARCHED = 1.0
-"""Number of runs of the search for the worst case, relative to the number of random runs."""
+"""Number of runs in the search for the worst case, relative to the number of random runs."""
 
 STEADY = ("steady_error", "steady_torque_step")
 """Metrics whose largest value over all random runs is reported, if no run ended early."""
 
 KEPT, APART = 4, 0.25
-"""Number of reported worst cases, the worst random one and the others from the search, and the least distance between
-two cases of the search, as a share of the set.
+"""Number of reported worst cases, and the least distance between two cases of the search as a share of the set.
+
+The first case is the worst random run; the others are from the search.
 """
 
 
 def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99) -> Verdict:
     """Bound the rate p at which runs of the set leave the envelope, by the exact interval of Clopper and Pearson.
 
-    With k of n runs outside, `Pr(X <= k | p = upper) = 1 - confidence`; for k = 0 that is `upper = 1 - (1-c)^(1/n)`.
+    With k of n runs outside and confidence c, `Pr(X <= k | p = upper) = 1 - c`; for k = 0 `upper = 1 - (1-c)^(1/n)`.
     A search (CMA-ES, then quasi-Newton steps) minimises the margin with as many further runs. Its result is not a
     probability, and a search that finds no failure proves nothing.
 
@@ -43,7 +44,7 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 def statistical_with_cases(
     scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99
 ) -> tuple[Verdict, dict[str, Any]]:
-    """Return the certificate `statistical`, and its worst cases by path, worst first, at most `KEPT`."""
+    """Return the verdict of `statistical`, and the values of its worst cases by path, worst first, at most `KEPT`."""
     if runs < 1:
         return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs were requested"), {}
     family = family_of(scenario)

@@ -26,9 +26,10 @@ def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
 
 
 def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats:
-    """Return the values of a set for equal shares of all its coordinates, or each value of a choice [K ...].
+    """Return values of a set [K ...], each with all coordinates at the same share of their range.
 
-    Except for a ball and a choice, each number of a set increases with one coordinate.
+    For a choice, return each of its values instead. In every set but a ball and a choice, each number increases with
+    one coordinate.
 
     - `uncertainty`: any set except a ball.
     - `shares`: from 0 to 1 [K]; not used for a choice.
@@ -44,7 +45,7 @@ def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats
 
 @lru_cache(maxsize=4)
 def family_of(scenario: Scenario) -> Family | None:
-    """Return the uncertainty set of a scenario in canonical form; None if it has none."""
+    """Return the uncertainty set of a scenario in canonical form; None for a scenario without uncertainty."""
     return to_canonical(Family.of(scenario.description)) if scenario.description.uncertainty else None
 
 
@@ -73,7 +74,7 @@ class StartBox:
     """Range of the start positions.
 
     - `lower`, `upper`: [n], rad or m.
-    - `all_are`, `one_is`: subject and verb for a sentence about all starts, and about one of them.
+    - `all_are`, `one_is`: subject and verb of a sentence about all starts, and about a single start.
     """
 
     lower: Floats
@@ -102,7 +103,7 @@ def start_box(scenario: Scenario) -> StartBox:
 
 
 SHARES = np.linspace(0.0, 1.0, 9)
-"""Shares of a range at which the values of a set are compared with a line."""
+"""Shares of the range at which values of a set are compared with a straight line."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,10 @@ class UncertainValue:
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
     def moved(self, value: Floats, share: Floats) -> Floats:
-        """Return the values [P ...] with this axis at shares of its range [P], from 0 (lower) to 1 (upper)."""
+        """Return values [P ...] with this number, or all of them, at shares of the range [P]: 0 is lower, 1 upper.
+
+        - `value`: values of the other numbers [P ...].
+        """
         moved = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
         if self.entry is None:
             return moved
@@ -139,7 +143,7 @@ def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[Un
     Raises DefinitionError for integers.
     """
     if leaf.integer:
-        raise DefinitionError("no certificate covers a set of a whole number of the arm or its disturbance", where=path)
+        raise DefinitionError("no certificate covers an uncertain integer of the arm or its disturbance", where=path)
     lower, upper = (np.asarray(end, float) for end in set_ends(uncertainty, leaf))
     if not isinstance(uncertainty, Ball):
         drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)
@@ -150,14 +154,14 @@ def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[Un
 
 
 def _line_ends(drawn: Floats) -> tuple[Floats, Floats]:
-    """Return the values in which the first number that varies is least and largest."""
+    """Return the two values at which the first number that varies is least and largest."""
     flat = drawn.reshape(len(drawn), -1)
     varies = int(np.argmax(np.ptp(flat, axis=0) > 0))
     return drawn[int(np.argmin(flat[:, varies]))], drawn[int(np.argmax(flat[:, varies]))]
 
 
 def _is_a_line(drawn: Floats) -> bool:
-    """Return True if all numbers have the same share of their ranges in each of the values."""
+    """Return True if the values lie on a line: in each value, all numbers have the same share of their ranges."""
     first, last = _line_ends(drawn)
     flat = drawn.reshape(len(drawn), -1)
     width = (last - first).reshape(-1)

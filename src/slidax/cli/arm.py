@@ -92,7 +92,7 @@ def excite(
     seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
     duration: Annotated[float, typer.Option(help="Duration of the motion [s]: two periods.")] = 20.0,
     harmonics: Annotated[int, typer.Option(help="Number of harmonics of the base frequency.")] = 10,
-    share: Annotated[float, typer.Option(help="Share of the limits to use at most.")] = 0.8,
+    share: Annotated[float, typer.Option(help="Largest share of the arm's limits that the motion uses.")] = 0.8,
     acceleration: Annotated[
         float | None,
         typer.Option(help="Largest acceleration [rad/s²]; default: three times the largest velocity per second."),
@@ -169,7 +169,7 @@ def identify(
         typer.Option(
             metavar="KG@X,Y,Z",
             help="Load of each log, in their order: none, unknown, or a mass [kg] with its centre in the tip's frame "
-            "[m], perhaps with @ and its inertia [kg m²]; it adds to the arm's own payload.",
+            "[m], optionally with @ and its inertia [kg m²]; it adds to the arm's own payload.",
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="YAML file for the identified arm with its uncertainty.")] = None,
@@ -179,22 +179,26 @@ def identify(
     columns: Columns = None,
     drop: Drop = None,
     links: Annotated[bool, typer.Option("--links", help="Identify the links' inertial parameters, too.")] = False,
-    rotors: Annotated[bool, typer.Option(help="The measured torques include rotor inertia.")] = True,
-    payload: Annotated[bool | None, typer.Option(help="The payload is unknown.")] = None,
+    rotors: Annotated[
+        bool, typer.Option(help="Identify rotor inertias; torques measured behind the gears lack them.")
+    ] = True,
+    payload: Annotated[bool | None, typer.Option(help="Identify the payload; default: unless --links is set.")] = None,
     payload_as: Annotated[
         str | None,
         typer.Option(
             metavar="FORM",
-            help="Print the payload for its maker: ur (URScript), franka (libfranka), desk (Franka Desk), kuka (KRL) "
-            "or urdf.",
+            help="Print the payload in the format of a robot: ur (URScript), franka (libfranka), desk (Franka Desk), "
+            "kuka (KRL) or urdf.",
         ),
     ] = None,
-    asymmetric: Annotated[bool, typer.Option("--asymmetric", help="Viscous friction differs by direction.")] = False,
+    asymmetric: Annotated[
+        bool, typer.Option("--asymmetric", help="Identify viscous friction for each direction.")
+    ] = False,
     stribeck: Annotated[
         float | None, typer.Option(help="Identify Stribeck friction with this Stribeck velocity [rad/s].")
     ] = None,
     ripple: Annotated[
-        str | None, typer.Option(metavar="N,...", help="Identify torque ripple with so many periods per turn.")
+        str | None, typer.Option(metavar="N,...", help="Identify torque ripple with these periods per turn.")
     ] = None,
     encoder_offset: Annotated[
         bool, typer.Option("--encoder-offset", help="Identify the offset of each encoder's zero.")
@@ -203,7 +207,9 @@ def identify(
         str | None,
         typer.Option(metavar="FORM", help="Identify the drives' gains (gain), or also their cross-talk (full)."),
     ] = None,
-    cut_off: Annotated[float | None, typer.Option(help="Filter cut-off [Hz]; default: from the log.")] = None,
+    cut_off: Annotated[
+        float | None, typer.Option(help="Cut-off frequency of the filter [Hz]; default: from the log.")
+    ] = None,
     held_out: Annotated[float, typer.Option(help="Share of the log, at its end, held out for validation.")] = 0.25,
     gravity: Annotated[
         str | None,
@@ -240,7 +246,7 @@ def identify(
         typer.Option("--add-gravity", help="Add gravity torques, which the log's torques lack.", rich_help_panel=UNITS),
     ] = False,
     torque_delay: Annotated[
-        float, typer.Option(help="Delay of the torques after the positions [s].", rich_help_panel=UNITS)
+        float, typer.Option(help="Delay of the torques relative to the positions [s].", rich_help_panel=UNITS)
     ] = 0.0,
     joint_order: Annotated[
         str | None,

@@ -20,7 +20,7 @@ def list_(
 ) -> None:
     """List what is available, one line each, or the parameters of a part with unit, range, default and source.
 
-    For a name that several kinds have, give the kind, too: performance.fixed_time.
+    If several kinds have the name, put the kind before it, such as performance.fixed_time.
     """
     with errors_as_lines():
         prepare()

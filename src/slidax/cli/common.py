@@ -36,7 +36,8 @@ Named = Annotated[
 ]
 
 Changes = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Set a field, as YAML; repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scenario to a YAML value; repeatable."),
 ]
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
@@ -127,13 +128,13 @@ def prepare() -> None:
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_compilation_cache_dir is None:
-        # Compiling takes most of the time of a short run, so that all programs are cached, also small ones.
+        # Compilation takes most of the time of a short run, so all programs are cached, also small ones.
         jax.config.update("jax_compilation_cache_dir", str(_compiled()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _compiled() -> Path:
-    """Folder of compiled programs for this version of JAX."""
+    """Return the cache folder for programs compiled by this version of JAX."""
     import jax
     from platformdirs import user_cache_path
 
@@ -164,7 +165,7 @@ def errors_as_lines() -> Iterator[None]:
         _say(_cannot_write(error))
         raise typer.Exit(DEFINITION) from None
     except (MemoryError, RecursionError) as error:
-        _say(f"too large to compute on this machine ({type(error).__name__}): use fewer or smaller parts")
+        _say(f"too large to compute on this machine ({type(error).__name__}): use a smaller input")
         raise typer.Exit(DEFINITION) from None
     except BaseException as error:
         # A panic of a Rust library; its class derives from BaseException alone.
@@ -188,7 +189,7 @@ def _unbroken(span: re.Match[str]) -> str:
 
 
 def _say(message: str) -> None:
-    """Print one line on standard error; unprintable characters are escaped."""
+    """Print a message on standard error, after `slidax:`; unprintable characters are escaped."""
     say(f"slidax: {''.join(c if c.isprintable() else ascii(c)[1:-1] for c in message)}", err=True)
 
 
@@ -203,14 +204,14 @@ def say(text: str, *, err: bool = False, margin: str = "", hang: int = 0) -> Non
 
 
 def columns(stream: IO[str]) -> int | None:
-    """Width to which texts for the `stream` are wrapped [characters]: a terminal's, or COLUMNS; None for a pipe."""
+    """Return the line width of a `stream` [characters]: COLUMNS, or the terminal's width; None for a pipe."""
     if "COLUMNS" not in os.environ and not stream.isatty():
         return None
     return shutil.get_terminal_size().columns
 
 
 def wrapped(text: str, width: int | None, margin: str = "", hang: int = 0) -> str:
-    """The `text`, wrapped to a `width`; a command in backticks, and a number and its unit, stay in one line.
+    """Return the `text` wrapped to a `width`. Commands in backticks, and numbers with their units, are not broken.
 
     - `margin`, `hang`: as in `say`.
     """
@@ -265,9 +266,9 @@ class _Warnings:
 
 @contextmanager
 def stage_bar() -> Iterator[Callable[[str, int], None]]:
-    """Progress bar on a terminal: each call has the name of the stage that begins and the number of all stages.
+    """Show a progress bar on a terminal, with the time left as estimated from the finished stages.
 
-    It shows the time left, as estimated from the finished stages.
+    Yields the function to call when a stage begins, with the stage's name and the number of all stages.
     """
     from rich.console import Console
     from rich.progress import (
@@ -318,7 +319,7 @@ def parse_changes(changes: list[str]) -> dict[str, Any]:
 
 
 def command_line() -> str:
-    """The command as it was typed, for reports."""
+    """Return the command as the user typed it, for reports."""
     return shlex.join(["slidax", *sys.argv[1:]])
 
 
@@ -328,7 +329,7 @@ def say_where(out: Path) -> None:
 
 
 def print_json(value: dict[str, Any]) -> None:
-    """Print an object `value`."""
+    """Print `value` as a JSON object."""
     import json
 
     # A NaN here is a fault of slidax; a traceback is better than invalid JSON.

@@ -127,7 +127,7 @@ def _print_verdicts(console: Console, rivals: dict[str, Rival]) -> None:
 
 
 Disturbance = StrEnum("Disturbance", ["stated", "off", "both"])
-"""Readings of the paper's disturbance."""
+"""Disturbance of the paper's examples: as stated, switched off, or both."""
 
 
 def reproduce(

@@ -24,13 +24,11 @@ Floats = Annotated[bool, typer.Option("--float", help="Use float instead of doub
 
 Quick = Annotated[
     bool,
-    typer.Option(
-        "--quick", help="Leave out tests and golden samples, which take most of the time: for a next variant."
-    ),
+    typer.Option("--quick", help="Omit tests and golden samples, which take most of the export's time."),
 ]
 
 Compensation = StrEnum("Compensation", ["law", "robot"])
-"""Who compensates gravity."""
+"""Where gravity is compensated: in the law, or by the robot itself."""
 
 
 def export_c(
@@ -41,7 +39,7 @@ def export_c(
     quick: Quick = False,
     admission: Annotated[
         bool,
-        typer.Option("--admission", help="Add a function that decides on motions as `slidax admit` does."),
+        typer.Option("--admission", help="Add a function that admits or refuses motions, as `slidax admit` does."),
     ] = False,
     changes: Changes = None,
 ) -> None:
@@ -104,7 +102,7 @@ def export_ur(
 def export_can(
     scenario: Named,
     out: Folder,
-    motors: Annotated[str, typer.Option(help="Comma-separated, for each joint, such as DM8009,DM4340,DM4310.")],
+    motors: Annotated[str, typer.Option(help="Motor of each joint, comma-separated, such as DM8009,DM4340,DM4310.")],
     name: LawName = None,
     single: Floats = False,
     quick: Quick = False,
@@ -125,7 +123,7 @@ def export_ros2(
         Compensation, typer.Option(help="Who compensates gravity: `robot` if the robot does so itself.")
     ] = Compensation.law,
     admission: Annotated[
-        bool, typer.Option("--admission", help="Take only goals inside the guarantee of the law, as `slidax admit`.")
+        bool, typer.Option("--admission", help="Accept only goals inside the law's guarantee, as `slidax admit` does.")
     ] = False,
     quick: Quick = False,
     changes: Changes = None,
@@ -141,7 +139,7 @@ def export_fmu(
     name: LawName = None,
     fmi: Annotated[int, typer.Option(help="3 for FMI 3.0, 2 for FMI 2.0.")] = 3,
     platforms: Annotated[
-        str | None, typer.Option(help="Comma-separated, such as x86_64-linux,x86_64-windows; default: all.")
+        str | None, typer.Option(help="Platforms, comma-separated, such as x86_64-linux,x86_64-windows; default: all.")
     ] = None,
     changes: Changes = None,
 ) -> None:
@@ -164,7 +162,11 @@ def export_web(
     ] = None,
     beside: Annotated[
         str | None,
-        typer.Option("--with", metavar="A,B,C", help="Further schemes; `printed` is the scenario's own as printed."),
+        typer.Option(
+            "--with",
+            metavar="A,B,C",
+            help="Further schemes; `printed` is the scenario's own scheme as its source prints it.",
+        ),
     ] = None,
     changes: Changes = None,
 ) -> None:
@@ -179,7 +181,7 @@ def export_web(
         from slidax.scenarios.load import load
 
         if scenario is None and (beside or changes):
-            raise DefinitionError("`--with` and `--set` need one scenario: name it")
+            raise DefinitionError("`--with` and `--set` need a scenario: name one")
         names = [name.strip() for name in (beside or "").split(",") if name.strip()]
         with stage_bar() as begin:
             if scenario is None:
@@ -209,7 +211,7 @@ def _export(
         project = export(parts, out, command=command_line(), **options)
         text = summary if isinstance(summary, str) else summary(project, parts)
         readme = out.resolve() / "README.md"
-        place = f"Next: read {readme}" if readme.is_file() else f"It is in {out.resolve()}"
+        place = f"Next: read {readme}" if readme.is_file() else f"The project is in {out.resolve()}"
         say(f"Exported {project.law} in {project.real}s, {text}. {place}")
 
 

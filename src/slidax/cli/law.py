@@ -1,4 +1,4 @@
-"""Commands about control laws: `certify`, `design`, `linear`."""
+"""Commands about control laws: `certify`, `admit`, `design`, `linear`."""
 
 from __future__ import annotations
 
@@ -77,27 +77,34 @@ def admit(
         list[Path],
         typer.Argument(help="Files of motions: CSV of joints or tool poses, or JointTrajectory as JSON or YAML."),
     ],
-    scenario: Annotated[str, typer.Option(help="The law with its arm and uncertainty: a YAML file, or a name.")],
+    scenario: Annotated[
+        str, typer.Option(help="Scenario of the law, with its uncertainty: built-in name or YAML file.")
+    ],
     within: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Largest error [rad or m]; default: the scenario's tolerance, or any bound."),
+        typer.Option(
+            min=0.0, help="Largest allowed error [rad or m]; default: the scenario's tolerance, otherwise any."
+        ),
     ] = None,
     assume_steps: Annotated[
-        bool, typer.Option("--assume-steps", help="Admit also if only the feedback may reach the torque rate limit.")
+        bool, typer.Option("--assume-steps", help="Also admit if only the feedback may reach the torque rate limit.")
     ] = False,
     slow_down: Annotated[
-        bool, typer.Option("--slow-down/--no-slow-down", help="Search how much slower a refused motion must be.")
+        bool,
+        typer.Option(
+            "--slow-down/--no-slow-down", help="Search for the smallest slow-down that admits a refused motion."
+        ),
     ] = True,
     changes: Changes = None,
     json: AsJson = False,
 ) -> None:
     """Decide if motions are inside the guarantee of a law: for all arms of its uncertainty, without a run.
 
-    For each motion: the bound of every joint's error, the term that dominates it, and, if it is refused, what forbids
-    it and the smallest slow-down that makes it hold. For all admitted motions together: the law's monitor, which no
-    arm of the set makes alarm.
+    The output has for each motion the bound of every joint's error, and the term that dominates this bound. For a
+    refused motion it also has the reason, and the smallest slow-down with which the motion is admitted. For all
+    admitted motions together, it has a setting of the law's monitor that no arm of the uncertainty set exceeds.
 
-    Exit code 0: all are admitted; 4: one is not; 2: the law has no such guarantee, or a file is invalid.
+    Exit code 0: all are admitted; 4: at least one is refused; 2: the law has no such guarantee, or a file is invalid.
     """
     with errors_as_lines():
         prepare()
@@ -136,13 +143,17 @@ if TYPE_CHECKING:
 
 def design(
     requirements: Annotated[Path, typer.Argument(help="The requirements, a YAML file.")],
-    out: Annotated[Path, typer.Option(help="Write the scenario there, as YAML, and its certificates next to it.")],
+    out: Annotated[Path, typer.Option(help="YAML file for the scenario; its certificates are written next to it.")],
     json: AsJson = False,
-    runs: Annotated[int, typer.Option(help="Random cases of the check, and as many of a search.", min=10)] = 1000,
+    runs: Annotated[
+        int,
+        typer.Option(help="Number of random cases in the check; a search for the worst case takes as many.", min=10),
+    ] = 1000,
 ) -> None:
     """Design a controller for an arm, its motion and its uncertainty, with certificates; or explain why none exists.
 
-    Simulated cases of the uncertainty set test everything without a certified bound; the file states which applies.
+    Every design is tested in simulated cases of the uncertainty set. If possible its error bound is also certified; the
+    scenario states which applies.
 
     Exit code 0: designed; 4: refused, with the reason and remedies; 2: the requirements are invalid.
     """
@@ -224,7 +235,7 @@ UNSTABLE = 4
 """Exit code if the loop is unstable."""
 
 SHOWN = 8
-"""Slowest modes in the table."""
+"""Number of slowest modes in the table."""
 
 
 def linear(
@@ -239,7 +250,7 @@ def linear(
     The simulated step is linearised with estimator, delay and drives. Rounding, noise and lost samples are omitted and
     the adaptation is frozen, as the output states.
 
-    Exit code 0: the loop is stable there; 4: it is unstable; 2: the scenario is invalid, or its run ends earlier.
+    Exit code 0: the loop is stable at this time; 4: it is unstable; 2: invalid scenario, or its run ends earlier.
     """
     with errors_as_lines():
         prepare()
@@ -303,7 +314,7 @@ def _print(parts: Scenario, loop: LinearisedLoop) -> None:
         console.print(f"\n{title}")
         console.print(_table(head, rows))
     if not loop.held:
-        say("continuous mode: the torque follows within a period, so there is no sampled loop to break open")
+        say("continuous mode: the torque changes within a period, so a sampled loop with margins does not exist")
     for note in loop.notes:
         say(note, margin="  ")
 

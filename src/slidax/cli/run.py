@@ -45,16 +45,18 @@ def run(
     changes: Changes = None,
     json: AsJson = False,
     long: Annotated[bool, typer.Option("--long", help="Print every metric.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap for a log.")
+    ] = None,
     engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
     recording: Annotated[Path | None, typer.Option("--record", metavar="FILE.html", help="Write a replay.")] = None,
 ) -> None:
     """Simulate a closed loop, and report its metrics as a table, as JSON, or as a page.
 
-    `--set scheme.name=NAME` replaces the scenario's scheme; `slidax list schemes` lists them. The new scheme takes over
-    `performance`, `overshoot`, `bound` and `sampled_data` of the file as far as it has them; its other parameters take
-    their defaults, from the paper if it prints any. Other `--set scheme.…` apply after that.
+    `--set scheme.name=NAME` replaces the scenario's scheme; `slidax list schemes` lists all names. The new scheme keeps
+    the file's `performance`, `overshoot`, `bound` and `sampled_data`, as far as it has these parameters. Its other
+    parameters take their defaults: the values in the paper, if there are any. Each other `--set` applies after that.
 
     Likely problems are printed before the run. After a run that left its envelope, the likeliest cause is printed with
     a remedy; `slidax explain` prints the others.
@@ -119,11 +121,11 @@ def run(
 
 
 ROWS = 20_000
-"""Samples that are logged of a run without `--out`, for its verdict."""
+"""Largest number of samples that a run without `--out` logs, for its verdict."""
 
 
 def _sparse(parts: Scenario) -> int:
-    """Logging interval of a run without `--out`."""
+    """Return the log interval of a run without `--out` [samples]."""
     from slidax.simulation.define import MOST_SAMPLES
 
     # Runs with more samples are refused.
@@ -142,14 +144,14 @@ def _require_log(parts: Scenario, log: Path) -> None:
 
 
 def _write_log(parts: Scenario, finished: Run, log: Path) -> None:
-    """Repeat the run with the law called sample by sample, as a robot calls it, until it ended."""
+    """Repeat the run up to its end, calling the law sample by sample as a robot does, and write its log."""
     from slidax.export.lockstep import lockstep, write_lockstep_log
 
     write_lockstep_log(parts, lockstep(parts, int(finished.tally.samples)), log)
 
 
 def _warn_beforehand(parts: Scenario) -> None:
-    """Print likely problems, one line each."""
+    """Print likely problems of a run before it starts, one line each."""
     from slidax.analysis.forecast import forecast
 
     for problem in forecast(parts):
@@ -171,7 +173,7 @@ def _warn_of_rejections(finished: Run) -> None:
 
 
 def _print_cause(parts: Scenario, outcome: Outcome) -> str:
-    """Print the likeliest cause, or a general remedy if neither a cause nor the outcome has one; return the line."""
+    """Print and return the likeliest cause; without one, a general remedy, unless the outcome has a remedy."""
     from slidax.analysis.explain import likeliest_cause
 
     cause = likeliest_cause(parts, seconds=SECONDS)
@@ -256,7 +258,7 @@ def compare(
     """Compare several schemes on the same task, metric by metric; the best value is bold.
 
     Each scheme replaces the scenario's own as with `slidax run --set scheme.name=NAME`; then each `--set` applies to
-    all. Samples of a scheme without an envelope are counted against the scenario's envelope.
+    all. For a scheme without an envelope, samples outside the scenario's envelope are counted.
 
     Exit code 0: at least one run reached its end; 2: the request is invalid; 3: none reached its end.
     """
@@ -289,7 +291,7 @@ def compare(
 
 
 def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str, Scenario]:
-    """The scenario with each scheme; an error names the scheme."""
+    """Return the scenario with each scheme, by the scheme's name."""
     from slidax.core.errors import DefinitionError
     from slidax.scenarios.catalogue import catalogue
     from slidax.scenarios.load import load
@@ -313,14 +315,14 @@ def _switched(scenario: str, schemes: str, changes: dict[str, Any]) -> dict[str,
 
 
 def _judge(scenario: str, changes: dict[str, Any]) -> Scenario:
-    """The scenario with its own scheme, whose envelope judges schemes without one."""
+    """Return the scenario with its own scheme; its envelope is used for schemes without an envelope."""
     from slidax.core.errors import DefinitionError
     from slidax.scenarios.load import load
 
     try:
         return load(scenario, changes)
     except DefinitionError:
-        # A field of the other schemes that its own scheme lacks.
+        # A change may set a field that only the other schemes have.
         return load(scenario)
 
 
@@ -340,8 +342,8 @@ def loop(
     seconds: Annotated[float | None, typer.Option("--time", help="Duration [s]; default: the scenario's.")] = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Write a log.")] = None,
     arm: Annotated[Simulator, typer.Option(help="Arm simulator; `auto`: MuJoCo, if possible.")] = Simulator.auto,
-    hog: Annotated[bool, typer.Option("--cpu-hog", help="Load all processors in the meantime.")] = False,
-    patience: Annotated[int, typer.Option(help="Ticks without a command until the arm brakes.", min=1)] = 20,
+    hog: Annotated[bool, typer.Option("--cpu-hog", help="Keep all CPU cores busy during the run.")] = False,
+    patience: Annotated[int, typer.Option(help="Number of ticks without a command until the arm brakes.", min=1)] = 20,
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve live data to Foxglove on this machine.")] = False,
     port: Annotated[int, typer.Option(help="Port of the Foxglove server.", min=1, max=65535)] = PORT,
     histogram: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the latencies.")] = None,
@@ -354,8 +356,8 @@ def loop(
 
     Real-time priority and locked memory are requested from the system; a warning names those that it refuses.
 
-    Exit code 0: the run ended inside its envelope, also with missed ticks; 2: the scenario is invalid; 3: the run left
-    its envelope, or a process stopped.
+    Exit code 0: the run ended inside its envelope, even if ticks were missed; 2: the scenario is invalid; 3: the run
+    left its envelope, or a process stopped.
     """
     with errors_as_lines():
         prepare()
@@ -391,7 +393,7 @@ def loop(
 
 
 def _with_simulator(parts: Scenario, by: Any) -> Scenario:
-    """The scenario with its arm simulated by MuJoCo or by slidax."""
+    """Return the scenario with this simulator of the arm; `auto` is MuJoCo if possible."""
     from importlib.util import find_spec
 
     from slidax.arms.articulated import Articulated

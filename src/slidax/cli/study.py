@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from slidax.studies.study import AbstractResult, AbstractStudy, RunOptions
 
 GAPS = 5
-"""Ranges of missing rows that `--resume` lists."""
+"""Largest number of ranges of missing rows that `--resume` lists."""
 
 
 def study(
     file: Annotated[Path, typer.Argument(help="The study, a YAML file.")],
     out: Annotated[Path | None, typer.Option(help="Folder for rows, results and a report.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Resume with the rows in that folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume with the rows in the folder of --out.")] = False,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -46,7 +46,7 @@ def study(
     engine: Annotated[Engine | None, typer.Option(help="Engine; default: the study's.")] = None,
     case: Annotated[
         int | None,
-        typer.Option(metavar="ROW", help="Only write a row of --out as the scenario case-ROW.yaml."),
+        typer.Option(metavar="ROW", help="Compute nothing, and write this row of --out as the scenario case-ROW.yaml."),
     ] = None,
     progress: Annotated[
         bool, typer.Option("--progress", help="Print the number of finished rows each second, for programs.")
@@ -181,7 +181,7 @@ def _say_missing(out: Path, rows: int) -> None:
 
 
 def _again(without: str | None = None) -> list[str]:
-    """The command that resumes a study, without one option and its value."""
+    """Return the command that resumes a study; `without` is an option to omit with its value."""
     words, rest = ["slidax"], iter(sys.argv[1:])
     for word in rest:
         if word == without:
@@ -198,7 +198,7 @@ def _made_by() -> dict[str, str]:
 
 
 class Lines:
-    """Progress as lines for a program."""
+    """Progress as lines on standard error, for programs that read them."""
 
     def __init__(self) -> None:
         self._total = self._rows = 0
@@ -291,7 +291,7 @@ def benchmark(
 ) -> None:
     """Benchmark all schemes on common tasks: tuned alike on some cases, judged on others by the same tolerance band.
 
-    The folder keeps each result as soon as it is there; the same command resumes an interrupted benchmark.
+    Each result is saved in the folder as soon as it is computed; the same command resumes an interrupted benchmark.
 
     Exit code 0: done; 2: the request is invalid; 130: interrupted.
     """

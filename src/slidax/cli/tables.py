@@ -38,7 +38,7 @@ WIDTH = 9
 
 
 def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
-    """The output of `slidax run --json` for the run `finished` of the scenario `parts`.
+    """Return the output of `slidax run --json` for the run `finished` of the scenario `parts`.
 
     - `import_s`: start-up time [s].
     """
@@ -166,7 +166,7 @@ def _table(widest: int, columns: list[str]) -> Table:
 
 
 def _fitting(names: list[str], width: int) -> list[list[str]]:
-    """The names in as few tables as fit, of nearly equal width."""
+    """Split column names into as few tables as fit a `width` [characters], with nearly equal numbers of columns."""
     most = max(1, width // (max(WIDTH, *map(len, names)) + 2))
     tables = -(-len(names) // most)
     each = -(-len(names) // tables)
@@ -178,7 +178,7 @@ def _cell(value: float | None, best: bool = False) -> Text:
 
 
 def digits_of(value: float, digits: int = 4) -> str:
-    """A number to a few `digits`, without an exponent up to 10 million."""
+    """Return a number with so many significant `digits`, without an exponent up to 10 million."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
 
@@ -266,7 +266,7 @@ def certificates_verdict(certificates: Certificates) -> Text:
 def print_admissions(
     law: CertifiedLaw, admissions: Sequence[MotionAdmission], monitor: dict[str, list[float]] | None
 ) -> None:
-    """Print for each motion if a certified `law` admits it, its bound, and what forbids it; then the `monitor`."""
+    """Print if a certified `law` admits each motion, or why not, with the error bound; then the `monitor` setting."""
     console = Console(markup=False, highlight=False)
     for answer in admissions:
         grade = f" (grade {answer.verdict.grade})" if answer.admitted else ""
@@ -274,7 +274,7 @@ def print_admissions(
         console.print(Text(f"{answer.name}: "), Text(words, style=style), Text(grade), sep="", soft_wrap=True)
         if answer.limit is not None:
             _say(console, str(answer.limit), margin="  ")
-            slower = "not even 4" if answer.slow_down is None else f"admitted {answer.slow_down:.3g}"
+            slower = "not admitted even 4" if answer.slow_down is None else f"admitted {answer.slow_down:.3g}"
             _say(console, f"{slower} times slower", margin="  ")
         if answer.bound is not None:
             joint = int(answer.bound.argmax())
@@ -292,7 +292,7 @@ def print_admissions(
 
 
 def print_speeds(rows: Sequence[SpeedRow]) -> None:
-    """Print the certified error of motions in a workspace against their speed."""
+    """Print a table of the certified errors of motions in a workspace, by their speed."""
     console = Console(markup=False, highlight=False)
     motions = count_noun(rows[0].motions, "motion")
     console.print(f"Bound along {motions} from rest to rest between random postures, the worst joint of each:")

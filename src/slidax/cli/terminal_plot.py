@@ -12,26 +12,26 @@ from slidax.report.figures.style import log_of, thin_curve
 from slidax.simulation.run import Run
 
 ROWS = 7
-"""Lines of a joint's plot."""
+"""Height of a joint's plot [lines]."""
 
 WIDEST = 58
-"""Characters of a joint's plot at most."""
+"""Largest width of a joint's plot [characters]."""
 
 LABEL = 6
-"""Characters of the axis labels."""
+"""Width of the axis labels [characters]."""
 
 INSIDE, OUTSIDE, BOUND = "bright_blue", "bright_red", "bright_black"
 
 
 def funnel(console: Console, run: Run, envelope_run: Run, share: float) -> Table:
-    """The errors of all joints side by side, each between its bounds.
+    """Return plots of all joints' errors side by side, each error between its bounds.
 
     The scale is linear near zero, within the final bounds, and logarithmic farther out.
 
-    - `console`: for its width and encoding.
-    - `run`: run with every sample logged.
-    - `envelope_run`: a run with the envelope, with every sample logged.
-    - `share`: share of the time that is drawn, 0 to 1.
+    - `console`: the console, for its width and encoding.
+    - `run`: the run to draw, with every sample logged.
+    - `envelope_run`: run whose envelope is drawn, with every sample logged.
+    - `share`: share of the run's time to draw, 0 to 1.
     """
     width = max(12, min(WIDEST, (console.width - 2) // run.joints - LABEL - 3))
     ascii_only = not (console.encoding or "").lower().startswith("utf")
@@ -53,7 +53,7 @@ def funnel(console: Console, run: Run, envelope_run: Run, share: float) -> Table
 def _plot(
     run: Run, envelope_run: Run, joint: int, share: float, width: int, ascii_only: bool
 ) -> tuple[float, list[str]]:
-    """Return the error at the upper edge, and the lines of the plot."""
+    """Return the largest bound of a joint, for the axis labels, and the lines of its plot."""
     bounds, t = log_of(envelope_run).envelope, np.asarray(log_of(envelope_run).t)
     assert bounds is not None
     lower, upper = np.asarray(bounds.lower)[:, joint], np.asarray(bounds.upper)[:, joint]

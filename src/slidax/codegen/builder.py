@@ -124,7 +124,7 @@ class Builder:
     def input(self, name: str, type: Type, shape: tuple[int, ...], *, varying: bool = False) -> Values:
         """Add an input, and return the array of its elements.
 
-        - `varying`: true if each run of a batch has its own.
+        - `varying`: true if each run of a batch has its own values.
         """
         which = len(self.program.inputs)
         self.program.inputs.append(Input(name, type, shape, varying))
@@ -248,14 +248,14 @@ class Builder:
         return [self._new(region, "result", type, (call,), k) for k, type in enumerate(types)]
 
     def finish(self) -> Program:
-        """Return the program without values, carried values and results that no output and no store needs."""
+        """Return the program. Values, carried values and results that no output or store needs are removed."""
         _drop(self.program.body, _needed_values(self.program))
         return self.program
 
     # ---- inside -----------------------------------------------------------------------------------------------------
 
     def _decided(self, when: Value) -> bool | None:
-        """Return the known value of a condition here, if it is the condition of a surrounding branch."""
+        """Return the value of a condition in this region, if a surrounding branch has the same condition; else None."""
         region: Region | None = self.region
         while region is not None:
             block = region.owner

@@ -19,7 +19,7 @@ Arrays = list[np.ndarray]
 NAME = "run_all"
 
 THREADS = 128
-"""Threads per block: few, since a controller needs many registers."""
+"""Threads per block: few, since a controller needs many registers per thread."""
 
 OPTIONS = ("--std=c++17", "--fmad=false")
 """NVRTC options: products and sums are fused only if the program fuses them, as on the CPU."""
@@ -118,7 +118,7 @@ def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) 
 def unpack_outputs(program: Program, outputs: Arrays) -> Arrays:
     """Arrange the kernel's outputs with runs first and rows second, in the program's dtypes.
 
-    - `outputs`: shape [rows size runs], with one row if they are not logged.
+    - `outputs`: arrays [rows elements runs], with one row if they are not logged.
     """
     results = []
     for array, entry in zip(outputs, program.outputs, strict=True):
@@ -177,7 +177,7 @@ def card_available() -> bool:
 
 
 def require_card() -> Any:
-    """Return CuPy; raise DefinitionError, with the remedy, if it or a GPU is missing."""
+    """Return CuPy; raise DefinitionError, with the remedy, if CuPy or a GPU is missing."""
     try:
         import cupy
     except ImportError:

@@ -163,7 +163,10 @@ def _same(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
 
 
 def _logical(decides: bool) -> Rule:
-    """Return the rule of `and`, which false or zero decides, or of `or`, which true decides."""
+    """Return the rule of `and` or `or`.
+
+    - `decides`: operand that alone decides the result: False for `and`, True for `or`.
+    """
 
     def rule(b: Builder, type: Type, args: tuple[Value, ...]) -> Value | None:
         for x, y in (args, args[::-1]):

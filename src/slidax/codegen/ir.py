@@ -35,13 +35,13 @@ ELEMENTARY = (
     *("exp", "expm1", "log", "log1p", "pow", "sin", "cos", "tan", "asin", "acos", "atan", "atan2"),
     *("sinh", "cosh", "tanh", "erf", "erf_inv", "cbrt"),
 )
-"""Functions without a processor instruction: printed as calls, or expanded first."""
+"""Functions without a CPU instruction: printed as calls, or first expanded into basic operations."""
 
 BLOCKS = frozenset({"loop", "branch"})
-"""Operations that hold regions."""
+"""Operations that contain regions."""
 
 PLACED = frozenset({"const", "input", "param", "result"})
-"""Operations whose value is already in memory."""
+"""Operations that need no computation, because their value exists already."""
 
 Number = float | int | bool
 
@@ -54,7 +54,7 @@ class Region:
     - `parent`: surrounding region; None for the outermost.
     - `owner`: the block that contains it; None for the outermost.
     - `values`: values in order of computation.
-    - `known`: values by operation and arguments, for the builder.
+    - `known`: values by operation and arguments; the builder uses them to avoid duplicates.
     """
 
     kind: Literal["program", "head", "body", "branch"]
@@ -80,8 +80,9 @@ class Value:
     - `op`: name of the operation, such as "add", "const", "input", "load" or "loop".
     - `type`: type of the result.
     - `args`: operands.
-    - `data`: the number of a constant, the input's index and the element of an "input", the input's index of a "load",
-      the output's index of a "store", the index of a carried value or a result; None for most operations.
+    - `data`: for "const", the number; for "input", the indices of the input and of the element; for "load" and "store",
+      the index of the input or output; for "param" and "result", the index of the carried value or result; None for
+      most operations.
     - `region`: region in which it is computed.
     - `number`: unique, increasing in the order of construction.
     - `origin`: source location, as the tracer records it.
@@ -108,6 +109,7 @@ class Loop(Value):
     - `body`: a region inside the head.
     - `following`: carried values for the next iteration.
     - `iterations`: number of iterations, if known and equal for all runs; `params[0]` then counts them from 0.
+      Otherwise None.
     """
 
     __slots__ = ("body", "condition", "following", "head", "iterations", "params")
@@ -148,7 +150,7 @@ class Call(Value):
 class Input:
     """Array that a program reads.
 
-    - `varying`: true if each run of a batch has its own.
+    - `varying`: true if each run of a batch has its own values.
     """
 
     name: str
@@ -187,7 +189,7 @@ class Program:
 
     - `body`: outermost region.
     - `name`: name of the function in the source, or empty.
-    - `arrays`: values that the source computes as one array, in C order, for printers that have arrays.
+    - `arrays`: values that the source computes as one array, in C order, for generated code with arrays.
     """
 
     inputs: list[Input] = field(default_factory=list)
@@ -202,10 +204,10 @@ class Program:
 
 
 def checked_inputs(program: Program, inputs: Sequence[Any], runs: int | None) -> list[np.ndarray]:
-    """Return inputs as arrays.
+    """Return inputs as arrays of the right shapes and dtypes.
 
     - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
-    - `runs`: number of runs; None for one, without that axis.
+    - `runs`: number of runs; None for a single run, whose inputs do not have that axis.
 
     Raises DefinitionError if an input has another shape or dtype.
     """
@@ -310,7 +312,7 @@ def _sources() -> bytes:
 
 
 class NoNativeCodeError(DefinitionError):
-    """A function uses an operation without native code; JAX itself may be able to run it."""
+    """A function uses an operation for which no machine code can be generated; JAX itself may be able to run it."""
 
 
 @contextmanager

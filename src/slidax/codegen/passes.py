@@ -19,7 +19,8 @@ def rebuild(program: Program, replace: Replace) -> Program:
 
     The functions that it calls are copied as well.
 
-    - `replace`: called for each value that is neither a constant, an input, a store nor part of a block.
+    - `replace`: called for each operation other than constants, inputs, stores, loops, branches, calls and their
+      results.
     """
     return Rebuilding(program, replace, {}).finish()
 
@@ -150,8 +151,8 @@ FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
 class OperationCount(NamedTuple):
     """Largest number of operations of a program.
 
-    - `operations`: additions, products, comparisons, selections, elementary functions and so on.
-    - `elementary`: elementary functions among them.
+    - `operations`: number of additions, products, comparisons, selections, elementary functions and so on.
+    - `elementary`: number of elementary functions among them.
     """
 
     operations: int

@@ -41,14 +41,14 @@ class Setting:
 
 
 class DefinitionError(ValueError):
-    """An invalid definition: says which field, the rule, the value, the joint and the remedy.
+    """An invalid definition. The message names the field, the rule, the value, the joint and the remedy.
 
-    - `message`: the sentence.
-    - `where`: the path of the field in a scenario, such as `scheme.performance`, if it came from one.
+    - `message`: the message without the path.
+    - `where`: path of the field in a scenario, such as `scheme.performance`; empty without a scenario.
     """
 
     setting: Setting | None = None
-    """The setting that the message names as a remedy, or None; `reworded` names it as another interface does."""
+    """The setting that the message names as a remedy, or None; `reworded` writes it for another interface."""
 
     def __init__(self, message: str, *, where: str = "") -> None:
         super().__init__(f"{where}: {message}" if where else message)
@@ -56,12 +56,12 @@ class DefinitionError(ValueError):
         self.where = where
 
     def offering(self, setting: Setting | None) -> Self:
-        """Set the setting that the message names as a remedy, and return the error itself."""
+        """Store the setting that the message names as a remedy, and return the error itself."""
         self.setting = setting
         return self
 
     def reworded(self, words: str) -> DefinitionError:
-        """Return a copy whose message names the remedy in other words.
+        """Return a copy of the error with other words for the remedy in its message.
 
         - `words`: replacement for the setting, such as `error.setting.as_option`.
         """
@@ -74,11 +74,11 @@ class DefinitionError(ValueError):
 
 
 class DefinitionWarning(UserWarning):
-    """A definition leaves something out or contradicts itself; the message says how it was read."""
+    """A definition is incomplete or contradicts itself; the message says how slidax interprets it."""
 
 
 class OutcomeError(RuntimeError):
-    """A run ended before its time, raised by `simulate(..., throw=True)`.
+    """A run ended before its end time; raised by `simulate(..., throw=True)`.
 
     - `outcome`: what happened, to which joint and when.
     - `run`: the run up to that time, with its log and metrics.
@@ -144,7 +144,7 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 def percent(share: float) -> str:
     """A share as a percentage of two digits without an exponent: "4.2 %", "61 %", "6338 %".
 
-    Near 100 % it has as many as show on which side it is: "99.97 %".
+    Near 100 % it has enough digits to show if the share is below or above 100 %: "99.97 %".
 
     - `share`: 1 is 100 %.
     """
@@ -158,9 +158,9 @@ def percent(share: float) -> str:
 
 
 def span(low: float, high: float) -> str:
-    """An interval in two digits, "0.13 to 0.27", or "0.13" if both ends are the same in them.
+    """An interval with two digits, "0.13 to 0.27"; "0.13" if both ends round to the same text.
 
-    - `low`, `high`: its ends.
+    - `low`, `high`: ends of the interval.
     """
     ends = f"{low:.2g}", f"{high:.2g}"
     return " to ".join(dict.fromkeys(ends))
@@ -175,7 +175,7 @@ def each_of(number: int, noun: str) -> str:
 
 
 def is_traced(tree: Any) -> bool:
-    """True if a leaf is traced by `jit`, `vmap` or `grad`: its value is unknown and cannot be checked.
+    """True if `jit`, `vmap` or `grad` traces a leaf, so that its value is unknown and cannot be checked.
 
     - `tree`: any pytree of arrays.
     """
@@ -187,7 +187,7 @@ def as_array(value: Any) -> Array:
 
     - `value`: a number, a list of numbers or an array.
 
-    Raises DefinitionError if it is none of these.
+    Raises DefinitionError for any other value.
     """
     if isinstance(value, jax.Array):
         return value

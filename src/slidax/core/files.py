@@ -27,7 +27,7 @@ _NONBLOCK = getattr(os, "O_NONBLOCK", 0)
 def open_file(path: Path, what: str = "the file", *, most: int = MOST_TEXT) -> BinaryIO:
     """Open a regular file for reading.
 
-    A pipe or a device is refused before anything is read from it: a pipe may never end, `/dev/zero` does not.
+    A pipe or a device is refused before anything is read from it, since the data may never end, as in `/dev/zero`.
 
     - `what`: the file's role, for messages.
     - `most`: size limit [bytes].
@@ -113,7 +113,7 @@ def parse_json(text: str, name: str) -> Any:
 
 
 def parse_integer(digits: str) -> int | float:
-    """Convert an integer literal of JSON; with more than 30 digits to a float, which is infinite from 310 digits on."""
+    """Convert an integer literal of JSON. More than 30 digits become a float, which is infinite from 310 digits on."""
     return int(digits) if len(digits) <= 30 else float(digits)
 
 

@@ -15,8 +15,9 @@ from .types import PerJoint, Scalar
 Watch = TypeVar("Watch")
 
 MAX_UNROLLED = 8
-"""Largest state, in numbers, whose four stages are unrolled. A larger one runs them as a loop with the same results:
-four copies of such an arm's code exceed the processor's instruction cache, and run and compile three times as long."""
+"""Largest number of state entries for which the four stages are unrolled. For a larger state they are a loop with the
+same results: four copies of the arm's code exceed the CPU's instruction cache, and take three times as long to compile
+and run."""
 
 
 def runge_kutta_4(

@@ -37,7 +37,7 @@ def solve_symmetric(a: Matrix, b: Vector) -> Vector:
 # The cache of jit avoids tracing these two again, and exported C has a function for each.
 @jax.jit
 def _factors(a: Matrix) -> tuple[Matrix, Vector]:
-    """The rows of Lᵀ, without its ones, and the inverses of D."""
+    """The rows of Lᵀ without the ones on its diagonal, and the inverses of the entries of D."""
     n = a.shape[0]
     rows: list[jnp.ndarray] = []
     inverses: list[jnp.ndarray] = []
@@ -134,7 +134,7 @@ def _inverse_norm_by_squaring(a: Matrix) -> Scalar:
 
 
 SWEEPS = 30
-"""Coordinate-descent sweeps over the joints; for arms each at least halves the distance to the solution."""
+"""Number of coordinate-descent sweeps over the joints. For arms each sweep at least halves the remaining distance."""
 
 
 def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -> Vector:

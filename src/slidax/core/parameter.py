@@ -221,14 +221,14 @@ def parameter(
 
         k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "(eq. 40)")
 
-    The annotation determines the shape: `Scalar` is one number, `PerJoint` one or one for each joint, `Vector` one for
-    each joint, `Float[Array, "3"]` three. The default None makes the field optional.
+    The annotation determines the shape: `Scalar` is one number, `PerJoint` one number for all joints or one per joint,
+    `Vector` one number per joint, `Float[Array, "3"]` three numbers. The default None makes the field optional.
 
     - `meaning`: description with its symbol, in a few words.
     - `range`: as in `Range`; any finite number if empty.
     - `why`: reason for the range, as "so that ... (eq. 20)" or "(eq. 20)".
     - `source`: source of the default.
-    - `matrix`: True if it may also be a matrix.
+    - `matrix`: True if the value may also be a matrix.
     - `static`: True if compiled code depends on it; for a plain Python number.
     - `converter`: from the argument to the field's type; by default to a float array.
     """
@@ -281,7 +281,7 @@ def declaration(field: dataclasses.Field[Any], annotation: str = "") -> Paramete
 
 
 def _annotation(of: Any) -> str:
-    """Return a field's type as text, also where annotations are evaluated."""
+    """Return a field's type as text, from a string or from an evaluated annotation."""
     if isinstance(of, str):
         return of
     if type(None) in get_args(of):

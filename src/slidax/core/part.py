@@ -78,7 +78,7 @@ class AbstractPart(eqx.Module):
             listed = "\n".join(parameter.bullet() for parameter in parameters)
             cls.__doc__ = f"{own}\n\n{listed}"
             if not all(parameter.piece for parameter in parameters):
-                cls.__doc__ += "\n\nRaises DefinitionError if one of them is out of its range."
+                cls.__doc__ += "\n\nRaises DefinitionError if a parameter is out of its range."
 
     def __repr__(self) -> str:
         return as_tree(self)

@@ -14,13 +14,13 @@ from .powers import tangent_mask
 from .types import Vector
 
 NEWTON = 16
-"""First iterations, which try a Newton step. Two or three usually suffice; a plan has needed 14 at most."""
+"""Number of first iterations, which try a Newton step. Two or three usually suffice; plans have needed at most 14."""
 
 HALVINGS = 52
-"""Next iterations, each of which halves the bracket until only the rounding of its ends is left."""
+"""Number of next iterations. Each halves the bracket, until its ends differ by rounding only."""
 
 ITERATIONS = NEWTON + HALVINGS + 4
-"""Most iterations. The last four try a Newton step again, from a point that close to the root."""
+"""Largest number of iterations. The last four try a Newton step again, now from a point close to the root."""
 
 Increasing = Callable[[Any, Vector], tuple[Vector, Vector]]
 """From parameters and a point [n] to values [n] and slopes [n]; each entry is a separate function of one variable."""
@@ -50,7 +50,8 @@ def increasing_root(
     It takes at most `ITERATIONS` iterations for any f, target and guess. Then either `|f(x) - target| <= tolerance`, or
     x is within `(upper - lower) 2⁻⁵²` of the root: the bracket always contains the root, and 52 iterations halve it.
 
-    The derivative is that of the root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, independent of the steps.
+    The derivative for JAX is that of the exact root, `dx = (d target - ∂f/∂parameters d parameters)/f'`. It does not
+    depend on the iterations.
 
     - `function`: f, with its slope; each entry increasing.
     - `parameters`: further arguments of f; any pytree.
@@ -91,7 +92,7 @@ def _root(function: Increasing, parameters: Any, target: Vector, search: Any) ->
 
 
 def _narrowed(now: _RootSearch, x: Vector, value: Vector, slope: Vector, target: Vector) -> _RootSearch:
-    """Narrow the bracket by the value at x."""
+    """Return the search after an evaluation at x, with the bracket narrowed."""
     residual = value - target
     return _RootSearch(
         x=x,

@@ -14,7 +14,9 @@ Tree = TypeVar("Tree")
 
 
 def barrier(x: Tree) -> Tree:
-    """Compute `x` once. XLA repeats operations that it considers cheap, also sines and cosines, in every consumer.
+    """Return `x` behind an optimization barrier, so that XLA computes it once.
+
+    Without the barrier XLA repeats operations that it considers cheap, also sines and cosines, in every consumer.
 
     - `x`: any pytree of arrays.
     """

@@ -114,7 +114,7 @@ class Timing:
     """Sample time of a control loop, and the delays in it.
 
     - `period`: time between two samples [s].
-    - `delay`: age of a measurement when it arrives [periods].
+    - `delay`: measurement delay, the age of a measurement when it arrives [periods].
     - `dead_time`: time between a command and its torque [periods].
     """
 

@@ -1,8 +1,8 @@
 """Design: from requirements to a controller with a certificate, or to the reason why none exists.
 
 Begin with `problem.py`, the requirements file, and `design.py`, the steps from requirements to a scenario.
-`candidates.py` has the searched values and the scenario for them, `trials.py` runs candidates on common cases,
-`search.py` chooses among them, `proof.py` asks the certificates, and `refusal.py` explains a failure and its remedies.
+`candidates.py` has the searched values and the scenario for them, `trials.py` simulates candidates in common cases,
+`search.py` chooses among them, `proof.py` computes their certificates, and `refusal.py` explains why no design exists.
 """
 
 from .design import Design as Design

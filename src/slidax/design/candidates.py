@@ -19,7 +19,7 @@ HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
 """H of the grid, in periods, or in ms if a period is shorter than 1 ms."""
 
 LONG_HORIZONS = (40.0, 56.0)
-"""Further H of the grid if a bound is required: it needs less torque the longer H is."""
+"""Further H of the grid if a bound is required: with a longer H it needs less torque."""
 
 DRIFTS = (0.25, 1.0, 4.0)
 """Factors of the disturbance drift of `slidax new`; the torque density is proportional to the drift's square."""
@@ -31,13 +31,13 @@ EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1"
 """Values for which the bound u is equal to its margin."""
 
 LARGEST = 0.25
-"""Largest final radius over the initial radius."""
+"""Largest final radius, over the initial radius."""
 
 ROOM = 1.6
-"""Initial radius over the largest initial error."""
+"""Initial radius, over the largest initial error."""
 
 UNRATED = 2.0
-"""Assumed rated torque of a drive without a limit, over the torque that holds and moves the arm."""
+"""Rated torque that is assumed for a drive without a torque limit, over the torque that holds and moves the arm."""
 
 
 def template(deadline: float) -> dict[str, Any]:
@@ -62,12 +62,12 @@ class DesignPoint:
 
     - `horizon`: H [s].
     - `drift`: factor of the disturbance drift, as in `DRIFTS`; None with the `measured` estimator.
-    - `slope`, `bend`: factor of k1 and k2, and a further factor of k2.
+    - `slope`, `bend`: factor of k1 and k2, relative to `slidax new`, and a further factor of k2.
     - `final`: ρ∞ of each joint [n], rad or m.
     - `deadline`: T [s].
     - `margin`: u [N m]; None for the default bound of the arm.
     - `even`: 0 for drifts in proportion to each joint's torque, 1 for equal drifts.
-    - `overshoot`: ϑ, the width of the envelope's far side over ρ.
+    - `overshoot`: ϑ, width of the envelope's side away from the initial error, over ρ.
     - `gain`: gain of the `measured` estimator over its default for this horizon.
     """
 
@@ -85,12 +85,12 @@ class DesignPoint:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """Values that all candidate laws for an arm share.
+    """Values that are common to all candidate laws for an arm.
 
     - `base`: the scenario with the scheme from `template`.
     - `initial`: ρ0 of each joint [n], rad or m.
-    - `shape`: ρ∞ of each joint for a radius of 1 [n].
-    - `torque`: rated torque, or an assumed one [n], N m or N.
+    - `shape`: final radius of each joint [n], rad or m, up to a common factor that is searched.
+    - `torque`: rated torque, or an assumed one (`UNRATED`) [n], N m or N.
     - `middle`: geometric mean of the torques of all joints with the same unit [n].
     - `period`, `delay`: h [s], and the delay of measurement and command [periods].
     - `has_velocity`: True if velocities are measured.
@@ -114,12 +114,12 @@ class DesignSpace:
 
     @property
     def radius(self) -> float:
-        """The final radius of `slidax new` for this period."""
+        """Final radius that `slidax new` chooses for this period."""
         return RADIUS * self.period
 
     @property
     def least(self) -> float:
-        """The shortest H for this delay, `(2 + 2 D) h` [s]."""
+        """Shortest H for this delay, `(2 + 2 D) h` [s]."""
         return (2.0 + 2.0 * self.delay) * self.period
 
     @property
@@ -136,11 +136,11 @@ class DesignSpace:
         return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
 
     def common_density(self, drift: float) -> float:
-        """Return the acceleration density of every joint's Kalman filter, (rad/s³)² s."""
+        """Return the acceleration density of the Kalman filters, equal for all joints, (rad/s³)² s."""
         return float(f"{drift**2:.4g}")
 
     def measured_gain(self, choice: DesignPoint) -> float:
-        """Return the gain of the `measured` estimator, relative to its default for the horizon."""
+        """Return the gain of the `measured` estimator: `choice.gain` times the default for the horizon, at most 1."""
         return float(f"{min(choice.gain * min(0.5, 2.0 * self.period / choice.horizon), 1.0):.4g}")
 
     def described(self, choice: DesignPoint, monitor: float = 1.0) -> ScenarioDescription:
@@ -186,7 +186,7 @@ class DesignSpace:
         return KalmanDescription(kind="kalman", torque_density=density)
 
     def at_period(self, period: float, t1: float) -> DesignSpace:
-        """Return the space for another `period` [s]; runs end at `t1`, rounded to whole periods [s]."""
+        """Return the space for another `period` [s], with runs until `t1` [s], rounded to whole periods."""
         simulation = self.base.simulation.model_copy(
             update={"period": period, "t1": float(round(t1 / period) * period)}
         )
@@ -226,10 +226,10 @@ def design_space(
     delay: float,
     has_velocity: bool,
 ) -> DesignSpace:
-    """Return the design space for an arm and its starts.
+    """Return the design space for an arm and its initial states.
 
     - `base`, `moving`: the scenario with the scheme from `template`, and its closed loop without the law.
-    - `starts`: least and largest position of each joint at t = 0 [n].
+    - `starts`: least and largest position of each joint at t = 0, [n] each.
     - `shape`, `period`, `delay`, `has_velocity`: as in `DesignSpace`.
     """
     arm = moving.arms.nominal

@@ -1,4 +1,4 @@
-"""From requirements to a certified scenario, or to a refusal; and the scenario file with its comments."""
+"""Design a law from requirements, or refuse with a reason; write the law as a scenario file with comments."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from .speed_table import SpeedRow, random_motions, speed_table
 from .trials import CALM, DRIVE_SHARE, OWN_DRIVE_SHARE, Objective, Trials, WorstCase
 
 RUNS = 1000
-"""Number of random cases in the final check; the search for the worst case has as many."""
+"""Number of random cases in the final check. The search for the worst case then simulates as many cases again."""
 
 TIMES, SLACK = 4, 1.5
 """Number of checks, each with new cases, before the design is refused; and the factor by which each failed check widens
@@ -43,10 +43,10 @@ ENOUGH = 0.1
 """Margin of the worst case that ends the checks early, as a share of the width: a longer search finds worse cases."""
 
 U_OVER, U_AMPLE = 1.15, 2.0
-"""u over the largest model error: its lower limit if u is searched, and its value if not."""
+"""u over the largest model error: the lower limit of u if u is searched, and its value if not."""
 
 UNSEEN = 0.95
-"""Share of the required torque step that is allowed in the common cases: the check has more cases and a larger step."""
+"""Share of the required torque step that is allowed in the common cases: the check has more cases, so a larger step."""
 
 ROOM_LEFT = 0.12
 """Least margin in the common cases, as a share of the width, for an envelope that is not widened by `SPARE`."""
@@ -62,9 +62,10 @@ class DesignResult:
     """A law that meets the requirements.
 
     - `description`: the scenario with the law.
-    - `proof`: `bound` if `tracking_bound` holds inside its envelope; `tested` if it was only simulated.
-    - `space`, `choice`: the law's numbers; `worst`: its worst common case.
-    - `demand`: demand on the drives and on u; None if it has no bound.
+    - `proof`: `bound` if `tracking_bound` certifies the law inside its envelope; `tested` if it was only simulated.
+    - `space`, `choice`: values of the law.
+    - `worst`: worst values of the law over the common cases.
+    - `demand`: demand of motion and uncertainty on the drives and on u; None if no bound of it exists.
     - `bound`: verdict of `tracking_bound`; None if no bound is required.
     - `check`: verdict of `statistical`, from random cases and a search.
     - `runs`: number of runs that were simulated for the design.
@@ -84,7 +85,7 @@ class DesignResult:
 
     @property
     def spared(self) -> float:
-        """Margin of the check's worst case."""
+        """Envelope margin in the worst case of the check; inf without a margin."""
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
@@ -97,7 +98,7 @@ def _ignore(_: str) -> None:
 
 
 def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> Design:
-    """Design a law for an arm and its task.
+    """Design a law for an arm and its task; return the result, or a refusal with the reason.
 
     1. In closed form: ρ0 from the starts, T as required, u from `robust_torque`, and a scale of H and the estimator's
        density from the period, the delay and the drives.
@@ -110,7 +111,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
 
     - `problem`: from `read_problem`.
     - `runs`: number of random cases in the final check.
-    - `say`: called with the name of each step.
+    - `say`: function that is called with the name of each step, for the progress.
 
     Raises DefinitionError if the requirements contradict each other, the package `cmaes` is missing, or JAX computes
     with 32-bit numbers.
@@ -150,7 +151,7 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
 
 
 def _with_speeds(problem: DesignProblem, result: Design, say: Say) -> Design:
-    """Return a law with a bound in a workspace together with its speed table; anything else as it is."""
+    """Return the result with a speed table if its law has a bound and the task is a workspace; otherwise unchanged."""
     if isinstance(result, Refusal) or result.bound is None or problem.workspace is None:
         return result
     say("bound along other motions in the workspace")
@@ -192,8 +193,8 @@ def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint,
     """Return the law with the smallest certified error on a grid of H and densities, and its verdict.
 
     If no verdict holds, return the law with the fewest failing assumptions, and of these the one with the longest H.
-    Torque steps usually grow as H gets shorter: of each density, horizons shorter than one that fails after one that
-    held are not tried, and a law that holds there would be missed.
+    For each density, H decreases until a law fails after one that held, since torque steps usually grow as H gets
+    shorter. A certified law with a still shorter H would be missed.
 
     - `first`: the law's other values.
     """
@@ -228,7 +229,7 @@ def _demand(space: DesignSpace, first: DesignPoint) -> DriveDemand | None:
 
 
 def _aim(problem: DesignProblem, space: DesignSpace) -> Objective:
-    """Return the objective of the search."""
+    """Return the objective of the search: the requirements, with a reserve for cases that the search does not see."""
     requirements = problem.requirements
     small = None if requirements.accuracy == "best" else float(np.min(space.shape)) / (2.0 * SPARE)
     step = requirements.torque_step
@@ -238,7 +239,7 @@ def _aim(problem: DesignProblem, space: DesignSpace) -> Objective:
 
 
 def _best_estimator(problem: DesignProblem, space: DesignSpace, first: DesignPoint) -> tuple[Trials, WorstCase]:
-    """Return the best law; if velocities are measured, with the better of the two estimators."""
+    """Return the trials and the best law; if velocities are measured, with the better of the two estimators."""
     aim, result = _aim(problem, space), []
     for kalman in (True, False) if space.has_velocity else (True,):
         trials = Trials(problem, space, first if kalman else replace(first, drift=None))
@@ -266,9 +267,10 @@ def _with_final_radius(problem: DesignProblem, trials: Trials, best: WorstCase, 
 def _check(
     problem: DesignProblem, trials: Trials, worst: WorstCase, demand: DriveDemand | None, runs: int, say: Say
 ) -> Design:
-    """Certify and check a law; repeat the search with the hardest cases until a law passes, `TIMES` times at most.
+    """Certify and check a law; if it fails, repeat the search with the hardest cases, and check up to `TIMES` laws.
 
     A law fails its check if a case leaves the envelope, or comes near its edge, or exceeds the required torque step.
+    Return the law that passed; else the law with the largest margin among those that held, or a refusal.
     """
     best, required = problem.requirements.accuracy == "best", problem.requirements.torque_step
     aim = _aim(problem, trials.space)
@@ -335,7 +337,7 @@ CERTIFICATE = ".certificate.json"
 def design_text(result: DesignResult, folder: Path) -> str:
     """Return the scenario as YAML with comments, ready for `slidax run`.
 
-    - `folder`: the folder of the file, to which the paths in it are relative.
+    - `folder`: folder of the file. Paths in the file are relative to it.
     """
     values = result.description.model_dump(mode="json", exclude_unset=True)
     for name in ("robot", "trajectory"):
@@ -378,7 +380,7 @@ def _proof(result: DesignResult) -> str:
 
 
 def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
-    """Yield the path of each key with its comment."""
+    """Yield the path of each commented key, and its comment."""
     space, choice = result.space, result.choice
     yield "robot", _proof(result)
     yield (
@@ -401,7 +403,9 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
         yield "scheme.sampled_data.estimator", "Equal in all joints, as `tracking_bound` requires."
     elif choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
-        even = f"; the joints' mean torque has the weight {choice.even:.2g} in it." if choice.even else "."
+        even = (
+            f"; this torque is averaged with the mean of all joints, weight {choice.even:.2g}." if choice.even else "."
+        )
         yield "scheme.sampled_data.estimator", drift + even
     yield "scheme.sampled_data.adaptation", "Learning is off: `tracking_bound` covers no law that learns."
     warning = f"Warns before the envelope is left: at 1.25 times the share of it that {MANY} common cases used."

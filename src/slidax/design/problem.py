@@ -19,10 +19,10 @@ from slidax.scenarios.uncertainty import Uncertainty
 from slidax.scenarios.yaml_text import read_yaml_file, require_readable, validation_error
 
 ROOM = 0.8
-"""Share of the range that the motion uses."""
+"""Share of the workspace's range that the motion uses."""
 
 SPREAD = 0.85
-"""Frequency of the slowest joint over that of the fastest, so that the joints pass through all combinations."""
+"""Frequency of the slowest joint over that of the fastest; as they differ, the joints pass through all combinations."""
 
 
 class RangeDescription(AbstractDescription):
@@ -36,12 +36,14 @@ class WorkspaceDescription(AbstractDescription):
     """Range, speed and acceleration of the joints' motion."""
 
     q: RangeDescription | None = None
-    """Positions; the joints' limits if not given."""
+    """Range of the positions; by default the joints' position limits."""
     speed: Numbers = input_field("largest speed", "rad/s or m/s")
     acceleration: Numbers = input_field("largest acceleration", "rad/s² or m/s²")
 
     def motion(self, arms: Arms) -> dict[str, Any]:
-        """Return sinusoids about the middle, as wide as the range and `A ω <= v`, `A ω² <= a` allow.
+        """Return a trajectory as in a scenario file: sinusoids about the middle of the range.
+
+        Their amplitudes A are as large as the range and the limits `A ω <= v`, `A ω² <= a` allow.
 
         - `arms`: the arms of the scenario.
 
@@ -72,13 +74,13 @@ class WorkspaceDescription(AbstractDescription):
         elif arms.limits is not None:
             low, high = np.asarray(arms.limits.lower, float), np.asarray(arms.limits.upper, float)
         else:
-            raise DefinitionError("this robot has no limits of its own: give `low` and `high`", where="q")
+            raise DefinitionError("this robot has no position limits: give `low` and `high`", where="q")
         if not np.isfinite(low).all() or not np.isfinite(high).all():
-            raise DefinitionError("a joint of this robot turns without end: give `low` and `high`", where="q")
+            raise DefinitionError("a joint of this robot has no position limits: give `low` and `high`", where="q")
         if (low >= high).any():
             joint = int(np.argmax(low >= high))
             raise DefinitionError(
-                f"low must be < high; joint {joint + 1} has {low[joint]:g}, {high[joint]:g}", where="q"
+                f"`low` must be < `high`; joint {joint + 1} has {low[joint]:g} and {high[joint]:g}", where="q"
             )
         return low, high
 
@@ -201,14 +203,16 @@ def read_problem(path: str | Path) -> DesignProblem:
     path = Path(path)
     data = read_yaml_file(path, "the requirements")
     if not isinstance(data, dict):
-        raise DefinitionError("requirements are a mapping with the keys " + ", ".join(DesignProblem.model_fields))
+        raise DefinitionError(
+            "the requirements must be a mapping with some of the keys " + ", ".join(DesignProblem.model_fields)
+        )
     require_readable(data)
     try:
         result = DesignProblem.model_validate(data, context={"folder": path.parent})
     except ValidationError as error:
         raise validation_error(error, data) from None
     if (result.trajectory is None) == (result.workspace is None):
-        raise DefinitionError("needs either `trajectory` or `workspace`")
+        raise DefinitionError("the requirements need either `trajectory` or `workspace`, not both")
     _require_accuracy(result)
     if result.t1 <= result.requirements.deadline:
         raise DefinitionError(f"must be after the deadline; got {result.t1:g}", where="simulation.t1")

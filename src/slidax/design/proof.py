@@ -67,12 +67,13 @@ RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
 def certified_radii(
     choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict], largest: Floats
 ) -> tuple[DesignPoint, Verdict] | None:
-    """Return a law with the smallest of its final radii times `RADII` whose verdict holds, and the verdict; else None.
+    """Widen a law's final radii by the smallest factor of `RADII` for which the verdict holds.
 
-    Found by bisection, as a wider envelope is easier to certify.
+    Return the law and its verdict; None if the verdict holds for no factor. The search bisects the factors, since a
+    wider envelope is easier to certify.
 
     - `verdict_of`: function from a law to its verdict.
-    - `largest`: largest final radii [n].
+    - `largest`: largest final radii [n], rad or m.
     """
 
     def certified(index: int) -> tuple[DesignPoint, Verdict]:
@@ -97,18 +98,18 @@ FEW = 8
 """Number of cases for `error_in_cases`."""
 
 MOST = 3
-"""Largest number of joints that a sentence names."""
+"""Largest number of joints that `EstimationError.in_words` names."""
 
 NARROW = 1.05
-"""An envelope counts as narrow if it is at most this many times as wide as at the end."""
+"""An envelope counts as narrow if its width is at most this multiple of its width at the end."""
 
 
 @dataclass(frozen=True)
 class EstimationError:
-    """Estimation error of each joint's plan, and its bound by the rule, `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
+    """Estimation error w̄ of each joint, and its limit by the loop-rate rule `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
 
     - `names`, `units`: names of the joints, and units of their positions.
-    - `missed`, `allowed`: w̄, and its largest value by the rule [n], rad/s² or m/s².
+    - `missed`, `allowed`: w̄, and its limit [n], rad/s² or m/s².
     """
 
     names: tuple[str, ...]
@@ -123,21 +124,22 @@ class EstimationError:
         return [int(k) for k in np.argsort(-ratio) if ratio[k] >= 1.0]
 
     def in_words(self) -> str:
-        """Return a text such as "`joint 6` misses 41 rad/s² (rule: 28)"; empty if the rule holds."""
+        """Return "`joint 6` has an estimation error of 41 rad/s² (limit: 28)", or the like; empty if the rule holds."""
         text = [
-            f"`{self.names[k]}` misses {self.missed[k]:.3g} {self.units[k]}/s² (rule: {self.allowed[k]:.3g})"
+            f"`{self.names[k]}` has an estimation error of {self.missed[k]:.3g} {self.units[k]}/s² "
+            f"(limit: {self.allowed[k]:.3g})"
             for k in self.beyond[:MOST]
         ]
         return ", ".join(text)
 
     def as_json(self) -> dict[str, Any]:
-        """Return error and rule by joint name."""
+        """Return the estimation error and its limit by joint name."""
         each = zip(self.names, self.missed, self.allowed, strict=True)
         return {name: {"misses": float(missed), "rule": float(allowed)} for name, missed, allowed in each}
 
 
 def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
-    """Return a law's estimation errors while its envelope is narrow, in the first common cases."""
+    """Return a law's largest estimation errors while its envelope is narrow, over the first `FEW` common cases."""
     law, cases = trials.space.values(choice), trials.cases(FEW)
     rows = len(next(iter(cases.values()))) if cases else 1
     values: Values = {

@@ -1,4 +1,4 @@
-"""Refusals: the reason why no design exists, and changes of the requirements that were tried and work."""
+"""Refusals: the reason why no law meets the requirements, and changes of them that were tried and help."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .search import LEAST_MARGIN, MANY, SPARE
 from .trials import LOAD, Trials, WorstCase
 
 FASTER = (0.7, 0.5, 0.35)
-"""Factors of the period to try."""
+"""Factors of the sampling period to try."""
 
 LESS = (0.75, 0.5, 0.25, 0.0)
 """Shares of the width of a payload's set to try."""
@@ -40,7 +40,7 @@ SLOWER = (1.25, 1.6, 2.0, 3.0)
 
 @dataclass(frozen=True)
 class Refusal:
-    """Reason why no law exists.
+    """Reason why no law meets the requirements, with remedies.
 
     - `reason`: sentences with the joint, the value and its limit, and the remedies.
     - `would_do`: remedies: changes of the requirements, of which each alone makes a law possible.
@@ -52,7 +52,7 @@ class Refusal:
     missed: EstimationError | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """The output of `slidax design --json`."""
+        """Return the refusal as `slidax design --json` prints it."""
         changes = [{"words": item.words, "set": dict(item.changes)} for item in self.would_do]
         missed = {} if self.missed is None else {"missed": self.missed.as_json()}
         return {"designed": False, "reason": self.reason, "would_do": changes, **missed}
@@ -119,7 +119,7 @@ def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check:
         f"tried has {step:.3g} N m in the worst of {cases} cases"
     )
     smallest = float(f"{1.15 * step:.2g}")
-    return refused(reason, [Remedy(f"{smallest:g} N m", {"requirements.torque_step": smallest})])
+    return refused(reason, [Remedy(f"a torque step of {smallest:g} N m", {"requirements.torque_step": smallest})])
 
 
 def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, check: Verdict | None = None) -> Refusal:
@@ -135,24 +135,28 @@ def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, ch
     where = f"an accuracy of {final:.2g} {unit} at {1.0 / trials.space.period:g} Hz"
     missed = error_in_cases(trials, best.choice)
     if check is not None:
-        text = f"of {check.bound['runs']} random cases {check.bound['failures']} leave it"
+        text = f"of {check.bound['runs']} random cases {check.bound['failures']} leave the envelope"
         if not check.bound["failures"]:
-            text = f"a search finds a case that leaves it, though none of {check.bound['runs']} random cases does"
+            text = (
+                f"a search finds a case that leaves the envelope, but none of {check.bound['runs']} random cases does"
+            )
     else:
-        text = f"{best.outside} of {best.cases} cases leave it, first {_joint(trials, best)}"
+        text = f"{best.outside} of {best.cases} cases leave the envelope, first at {_joint(trials, best)}"
         if not best.outside:
-            text = f"{_joint(trials, best)} comes too near its edge"
+            text = f"{_joint(trials, best)} comes too near the edge of its envelope"
     text = ", and ".join(item for item in (missed.in_words(), text) if item)
     would = []
     if held is not None:
         wider = float(f"{SPARE * float(np.min(held.choice.final)):.2g}")
-        would.append(Remedy(f"{wider:g} {unit}", {"requirements.accuracy": _scaled(trials, wider / final)}))
+        would.append(
+            Remedy(f"an accuracy of {wider:g} {unit}", {"requirements.accuracy": _scaled(trials, wider / final)})
+        )
     would += [*_faster_loop(trials, best), *_smaller_payload(trials, best)]
     return refused(f"{where} is not reached: {text}", would, missed)
 
 
 def proof_refusal(problem: DesignProblem, space: DesignSpace, choice: DesignPoint, verdict: Verdict) -> Refusal:
-    """Refuse a required bound of the error that `tracking_bound` cannot give.
+    """Refuse a required error bound that `tracking_bound` cannot certify.
 
     - `choice`: the best law.
     - `verdict`: its verdict of `tracking_bound`.
@@ -185,11 +189,11 @@ def proof_refusal(problem: DesignProblem, space: DesignSpace, choice: DesignPoin
 
 
 Changed = Iterator[tuple[Remedy, dict[str, Any]]]
-"""Remedies, each with its changes of a scenario."""
+"""Remedies for a requirements file, each with the corresponding changes of a scenario."""
 
 
 def _known_payload(problem: DesignProblem, space: DesignSpace) -> Changed:
-    """Propose a law that knows the mean payload, if it knew none."""
+    """Propose a law that knows the mean payload, if the law knew no payload."""
     path, robot = f"robot.plant.{LOAD}", problem.robot.model_dump(exclude_unset=True)
     if path not in problem.uncertainty or (robot.get("nominal") or {}).get("load") is not None:
         return
@@ -205,7 +209,7 @@ def _finer_encoders(description: ScenarioDescription) -> Changed:
     for factor in FINER if own.any() else ():
         value = np.vectorize(lambda number: float(f"{number:.2g}"))(factor * own).tolist()
         changes = {"sensor.resolution": value}
-        yield Remedy(f"encoders of {np.max(value):.2g}", changes), changes
+        yield Remedy(f"encoders with a resolution of {np.max(value):.2g}", changes), changes
 
 
 def _slower_motion(problem: DesignProblem, description: ScenarioDescription) -> Changed:
@@ -221,7 +225,7 @@ def _slower_motion(problem: DesignProblem, description: ScenarioDescription) -> 
             return
         requirements = dict(changes)
         if problem.start is None and description.start.dq is not None:
-            # The arm then starts on the motion, so that it starts slower, too.
+            # Without `start` the arm starts on the motion, so that a slower motion needs a slower start.
             changes["start.dq"] = (np.asarray(description.start.dq, float) / factor).tolist()
         if problem.workspace is not None:
             speed, acceleration = problem.workspace.speed, problem.workspace.acceleration
@@ -233,11 +237,11 @@ def _slower_motion(problem: DesignProblem, description: ScenarioDescription) -> 
 
 
 TIMED = {"times": 1, "frequency": -1, "rates": -1, "velocity": -1, "acceleration": -2, "jerk": -3}
-"""Values of a trajectory that scale with a power of its duration."""
+"""Values of a trajectory, each with the power of the duration with which it scales."""
 
 
 def _faster_loop(trials: Trials, best: WorstCase) -> Iterator[Remedy]:
-    """Propose the longest shorter period for which the law holds."""
+    """Propose the longest period, of those shorter than the present one, for which the law holds."""
     for factor in FASTER:
         period = float(f"{factor * trials.space.period:.3g}")
         horizon = float(f"{max(factor * best.choice.horizon, 2.0 * period):.4g}")
@@ -248,7 +252,7 @@ def _faster_loop(trials: Trials, best: WorstCase) -> Iterator[Remedy]:
         except DefinitionError:
             return
         if tried.holds and tried.margin >= LEAST_MARGIN:
-            yield Remedy(f"{1.0 / period:.4g} Hz", {"simulation.period": period})
+            yield Remedy(f"a loop rate of {1.0 / period:.4g} Hz", {"simulation.period": period})
             return
 
 

@@ -19,10 +19,10 @@ GENERATIONS = 10
 """Number of generations of CMA-ES."""
 
 TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6.0, "gain": 4.0, "margin": 4.0}
-"""Each value is searched between its start divided and multiplied by this factor."""
+"""Each value is searched between its start divided by this factor and its start times this factor."""
 
 FINAL = 10.0
-"""This factor for the final radius."""
+"""The same factor for the final radius."""
 
 OVERSHOOTS = (0.1, 0.95)
 """Range of ϑ in the search."""
@@ -97,10 +97,10 @@ TOP = 5
 """Number of laws of each turn that are simulated in many cases."""
 
 HARD = 3
-"""Number of hard cases, with too small a margin, that the next turn adds to its few cases."""
+"""Largest number of hard cases, those with too small a margin, that the next turn adds to its few cases."""
 
 AGAIN = 3
-"""Number of passes over the radii: a narrower envelope has a steeper surface, and so a smaller error."""
+"""Largest number of passes over the radii: a narrower envelope has a steeper surface, and so a smaller error."""
 
 LADDER = ((1.5, 2.2, 3.3), (5.0, 8.0, 14.0), (25.0, 50.0, 100.0))
 """Final radii to try, relative to the largest steady error; each next group only if the previous one fails."""
@@ -171,7 +171,7 @@ def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
 
 
 def _near_narrowest(trials: Trials, best: WorstCase) -> WorstCase:
-    """Return the law with the narrowest final radius that holds in few cases, a start near the end of the search."""
+    """Return the law with the smallest final radius of `NEAR` that holds in few cases, as a start for the search."""
     if not best.holds:
         return best
     shape, most = trials.space.shape, trials.most

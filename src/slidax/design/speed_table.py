@@ -28,12 +28,13 @@ MOTIONS = 6
 class SpeedRow:
     """Number of certified motions at one speed, and their bounds.
 
-    - `speed`: share of the workspace's speed; accelerations have its square.
+    - `speed`: share of the workspace's largest speed; accelerations are scaled by its square.
     - `motions`: number of motions.
-    - `certified`: of these, with a bound within the final radius, and no torque limit that acts.
-    - `steps`: of these, also with no limit of the torque rate that acts.
-    - `median`, `largest`: of the certified motions' bounds, for the worst joint [rad or m]; None if there is none.
-    - `reason`: the largest term of the bounds; or, if no motion is certified, the first limit that one passes.
+    - `certified`: number of motions with an error bound within the final radius, and without an active torque limit.
+    - `steps`: number of certified motions without an active torque-rate limit, either.
+    - `median`, `largest`: median and largest error bound of the certified motions, for the worst joint [rad or m]; None
+      if no motion is certified.
+    - `reason`: the term that is largest in most bounds; if no motion is certified, the first limit that is exceeded.
     """
 
     speed: float
@@ -55,7 +56,7 @@ def random_motions(
     """Return motions from rest to rest between random postures, at the workspace's largest speed or acceleration.
 
     - `arms`: arms of the scenario.
-    - `seed`: seed of the postures, which are uniform in the range.
+    - `seed`: seed of the random postures, which are uniformly distributed in the range.
 
     Raises DefinitionError if the workspace has no range.
     """
@@ -72,9 +73,9 @@ def random_motions(
 def speed_table(
     description: ScenarioDescription, motions: Sequence[MinimumJerk], allowed: Floats, speeds: Sequence[float] = SPEEDS
 ) -> Iterator[SpeedRow]:
-    """Yield a row for each speed: how many of the motions `tracking_bound` covers, as `slidax admit` does.
+    """Yield a row for each speed: the number of motions that `tracking_bound` certifies, as `slidax admit` does.
 
-    - `description`: scenario with a law that it covers.
+    - `description`: scenario with a law that `tracking_bound` covers.
     - `motions`: motions at full speed.
     - `allowed`: largest error of each joint [n], rad or m.
     """

@@ -1,4 +1,4 @@
-"""Candidates on common cases of the uncertainty set: the worst case of each, and its cost."""
+"""Simulation of candidate laws in common cases of the uncertainty set: the worst case of each law, and its cost."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ SEED = 0
 """Seed of the common cases."""
 
 PLANT, BEYOND = "robot.plant.", 1.15
-"""Prefix of the arm's paths, and the factor by which the search widens their sets. Otherwise it could end at a loop
-that is nearly unstable at a corner of the set: it holds in many cases, until a longer search finds a failure."""
+"""Prefix of the arm's paths, and the factor by which the search widens their sets. Otherwise the search could end at a
+loop that is nearly unstable at a corner of the set: it holds in many cases, until a longer search finds a failure."""
 
 LOAD = "load.mass"
 """End of the path of a payload."""
@@ -37,8 +37,8 @@ LOAD = "load.mass"
 class WorstCase:
     """Worst values of a law over the common cases.
 
-    - `choice`: the law.
-    - `margin`: least distance to the nearer side of the envelope over its width; negative outside.
+    - `choice`: values of the law.
+    - `margin`: least distance to the nearer side of the envelope, over the envelope's width; negative outside.
     - `error`, `step`: largest steady error [rad or m], and largest torque step from sample to sample [N m or N].
     - `drive_share`: largest torque step over the step that the joint's drive allows.
     - `joint`: index of the joint nearest to its envelope in the case with the least margin.
@@ -66,13 +66,13 @@ class WorstCase:
 
 @dataclass(eq=False)
 class Trials:
-    """Simulates laws in the same cases, by one compiled loop.
+    """Simulation of laws in common cases, by one compiled loop.
 
     - `problem`: the arm, its task and the requirements.
-    - `space`: the values that all laws share.
-    - `first`: the law from which the loop is compiled.
-    - `smaller`: share of the width of some paths' sets that is used.
-    - `harder`: hard cases among the common ones, by path, the newest first.
+    - `space`: the values that are common to all laws.
+    - `first`: the law for which the loop is compiled.
+    - `smaller`: used share of an uncertainty set's width, by path; 1 for all other paths.
+    - `harder`: values of the hard cases among the common ones, by path, the newest first.
     """
 
     problem: DesignProblem
@@ -98,7 +98,7 @@ class Trials:
 
     @cached_property
     def family(self) -> Family:
-        """The family of all members of the uncertainty set and all laws."""
+        """Family of scenarios with all members of the uncertainty set and all laws."""
         own = self.space.values(self.first)
         sets = {path: _set(value) for path, value in own.items()}
         return Family.of(self.base, None, TypeAdapter(Uncertainty).validate_python(sets))
@@ -114,7 +114,7 @@ class Trials:
         )
 
     def _columns(self, run: Run) -> Columns:
-        """Return outcome and metrics of runs, and the largest torque step over the limit of the joint's drive."""
+        """Return outcome and metrics of runs, and `drive_share`: the largest torque step over the drive's limit."""
         columns = columns_of(run)
         steps = np.ma.filled(np.ma.asarray(steady_torque_step(run), float), np.nan)
         shares = steps.reshape(len(columns["outcome"]), -1) / self.space.changes
@@ -161,7 +161,7 @@ class Trials:
         """Simulate laws, and return the worst case of each.
 
         - `choices`: the laws, all with the estimator of `first`.
-        - `cases`: values by path, as from `cases`.
+        - `cases`: values by path, from the method `cases`.
         """
         if not choices:
             return []
@@ -176,7 +176,7 @@ class Trials:
     def with_smaller_sets(self, smaller: dict[str, float]) -> Trials:
         """Return trials with smaller uncertainty sets, in the same loop.
 
-        - `smaller`: share of the width of a path's set that is used, by path.
+        - `smaller`: used share of an uncertainty set's width, by path.
         """
         return self._share_compiled(replace(self, smaller=smaller))
 
@@ -190,7 +190,7 @@ class Trials:
         return self._share_compiled(replace(self, harder=every))
 
     def _share_compiled(self, built: Trials) -> Trials:
-        """Return other trials with the compiled loop of these."""
+        """Give these trials' compiled loop to other trials, and return those."""
         for name in ("base", "family", "_runner"):
             if name in self.__dict__:
                 built.__dict__[name] = self.__dict__[name]
@@ -227,7 +227,7 @@ def _corners(uncertain: Space, joints: int) -> Floats:
 
 
 def _set(value: Any) -> dict[str, Any]:
-    """Return an uncertainty set that ends at a value; it only declares that its path varies and is never drawn from."""
+    """Return an uncertainty set that ends at a value. It declares that a path varies; no values are drawn from it."""
     if np.ndim(value):
         numbers = np.asarray(value, float).tolist()
         return {"between": [[item / 1.5 for item in numbers], numbers], "each": "joint"}
@@ -261,7 +261,7 @@ CALM = 0.97
 """Share of the allowed torque step for which the search aims, since other cases have larger steps."""
 
 DRIVE_SHARE = 0.97
-"""Share of the drives' largest torque step that is allowed: at their limit the plan is not carried out."""
+"""Share of the drives' largest torque step that is allowed: at their limit the drives do not follow the plan."""
 
 OWN_DRIVE_SHARE = 0.9
 """Share of its own drive's largest torque step that each joint may use if a bound is required: the bound holds only
@@ -271,7 +271,8 @@ CALMNESS = 0.5
 """Weight of the torque step against the error if neither is required: half the error equals four times the step."""
 
 NARROW, HARDLY = 0.1, 0.001
-"""Weight of a narrow envelope: half the final radius equals 7 % of the error; hardly any with a required step."""
+"""Weights of a narrow envelope, without and with a required torque step: with the first, half the final radius is worth
+as much as 7 % of the error."""
 
 OUTSIDE, NEAR, WILD, COARSE = 400.0, 300.0, 200.0, 100.0
 """Base costs of laws that leave the envelope, have too small a margin, too large a torque step, or too large an error;

@@ -1,7 +1,7 @@
-"""The admission of motions as C99: the inequalities of `slidax admit`, with the numbers of one certified law.
+"""The admission of motions as C99: the inequalities of `slidax admit`, with the constants of one certified law.
 
-The kernels of the joints' loop are written per lag, and in groups of lags beyond the loop's memory. C adds them up over
-the cells of a motion, for the rate at which norms grow along it.
+The impulse-response kernels of the joints' loop are written for each lag, and beyond the loop's memory for groups of
+lags. The C code sums them over the cells of a motion, for the rate at which norms grow along the motion.
 """
 
 from __future__ import annotations
@@ -37,24 +37,27 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 KINDS = ("any_form", "ramp", "pulse", "noise", "goal", "step", "start_error", "start_speed", "start_miss")
-"""Fields of a kernel, in the order of C: those that are summed over a cell, then those whose largest value counts."""
+"""Fields of a kernel in the order of the C arrays: first those that are summed over a group of lags, then those whose
+largest value counts.
+"""
 
 SUMMED = 5
+"""Number of fields that are summed."""
 
 LANES = 4
-"""Innermost loops count to a multiple of this number, so that compilers make vectors of them."""
+"""Array lengths in innermost loops are multiples of this number, so that compilers vectorise the loops."""
 
 BLOCK = 32
-"""Lags in a group beyond the loop's memory."""
+"""Number of lags in a group beyond the loop's memory."""
 
 POWERS, PIECES, CELLS = 12, 256, 6144
-"""Most coefficients of a polynomial, pieces of a motion, and cells."""
+"""Largest numbers of coefficients of a polynomial, of pieces of a motion, and of cells of a motion."""
 
 FINE = 2**18
-"""Transformed errors at which the plan's table in C is compared with the plan."""
+"""Number of transformed errors at which the C table of the plan is compared with the plan."""
 
 PLACES = 4097
-"""Transformed errors of the plan's table in C; between them are straight lines."""
+"""Number of transformed errors in the C table of the plan, which is interpolated linearly."""
 
 FILES = {
     f"admission/{template}.j2": f"{{prefix}}_{name}"
@@ -76,15 +79,16 @@ OF_TRAJECTORIES = {f"onboard/guarantee.{end}.j2": f"{{prefix}}_guarantee.{end}" 
 
 
 def export_admission(scenario: Scenario, exported: CProject, out: str | Path, *, trajectories: bool = False) -> None:
-    """Write the admission of motions for the law of a scenario into its C project.
+    """Write the admission of motions for a scenario's law into the folder `out` of its C project.
 
-    - `trajectories`: also for the trajectories of an export for a robot.
+    - `exported`: the C project, with doubles.
+    - `trajectories`: also write the check of trajectories that an export for a robot receives.
 
-    Raises DefinitionError if no bound covers the law, as `CertifiedLaw.of`, the step computes in floats, or the folder
-    cannot be written.
+    Raises DefinitionError if the step computes in floats, if no error bound covers the law (see `CertifiedLaw.of`), or
+    if the folder cannot be written.
     """
     if exported.real != "double":
-        raise DefinitionError("the guarantee is of a step in doubles: export it without --float (single=False)")
+        raise DefinitionError("the guarantee covers only a step in doubles: export without --float (single=False)")
     law, law_in_samples = CertifiedLaw.of(scenario), scenario.controller
     assert isinstance(law_in_samples, SampledData)
     numbers = _Numbers.of(law, law_in_samples)
@@ -111,7 +115,7 @@ def export_admission(scenario: Scenario, exported: CProject, out: str | Path, *,
 
 @dataclass(frozen=True)
 class _Array:
-    """An array in C: its declaration up to the `=`, and its values."""
+    """A constant array in C: its declaration up to the `=`, and its values as C source text."""
 
     declaration: str
     values: str
@@ -213,15 +217,18 @@ class _Numbers:
 
 
 CONTINUOUS = 1e-6
-"""Largest jump of position [rad or m] and velocity of a motion, relative to 1 and their sizes."""
+"""Largest jump of a motion's position and velocity that counts as rounding, relative to 1 plus their size."""
 
 
 @dataclass(frozen=True)
 class _Kernels:
-    """The kernels of the loop for C.
+    """The impulse-response kernels of the joints' loop as C arrays.
 
-    - `first`, `last`: lags of each group. `growths`, `lengths`: the largest growth of each length of kernels.
-    - `memory`: periods after which little of the error's kernel is left. `step`: distance of inertia ratios; 0 for one.
+    - `first`, `last`: first and last lag of each group.
+    - `growths`, `lengths`: kernel lengths in periods, and the largest growth rate for which each length suffices.
+    - `memory`: number of periods after which the kernel of the error is small.
+    - `step`: distance between two inertia ratios of the table; 0 if it has only one.
+    - `arrays`: the C arrays.
     """
 
     first: Places
@@ -268,7 +275,10 @@ class _Kernels:
 
 
 def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
-    """Largest growth, in quarters, for each length of the kernels; up to what leaves a bound."""
+    """Return the kernel lengths, and for each the largest growth rate, a multiple of 0.25, for which it suffices.
+
+    The list ends at the largest growth rate for which kernels exist.
+    """
     lengths: dict[int, float] = {}
     for quarter in range(int(np.floor(2.0 * loop.decay)) + 1):
         try:
@@ -281,21 +291,21 @@ def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
 
 
 def _over_groups(kind: str, kernels: Mapping[str, LoopKernel], first: Places) -> Floats:
-    """A kernel of all outputs for each group of lags: its sum or its largest value [groups outputs]."""
+    """Return a field of all outputs' kernels for each group of lags, its sum or largest value, [groups outputs]."""
     values = np.stack([getattr(kernels[name], kind) for name in USED], axis=1)
     combine = np.add if KINDS.index(kind) < SUMMED else np.maximum
     return np.asarray(combine.reduceat(values, first, axis=0))
 
 
 def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array]]:
-    """Macros and arrays of a plan with a sliding surface."""
+    """Return the C macros and arrays for the plan of a law with a sliding surface."""
     fine = plan.phi.shape[1]
     places = np.unique(np.round(np.linspace(1, fine - 1, PLACES)).astype(int))
 
     def lines(values: Floats, x: Floats) -> float:
-        """The largest relative distance from the fine table, or the step before, to the lines between places."""
+        """Return a bound of the relative difference between the fine table and its linear interpolation."""
         line = np.interp(x, x[places - 1], values[places - 1])
-        # Both grow, so that the values at the ends of a step bound those within it.
+        # Both functions increase, so the values at the ends of a step bound the values in between.
         return float(np.max([np.max(values[1:] / line[:-1]), np.max(line[1:] / values[:-1])]) - 1.0)
 
     frames = plan.frames(n)
@@ -310,7 +320,7 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
         for name, values in zip(("now", "ahead", "room"), frames, strict=True)
     ]
     if plan.share:
-        # The rows that Python uses, but for the last place, from which on there is no bound.
+        # The rows that Python uses, without the last transformed error, from which on there is no bound.
         even, some = np.ones((1, n)), places[places < plan.phi.shape[1] - 1] - 1
         rows = hand_over.HandOverCells(plan, even, even, even, np.zeros(n)).apart
         led, apart = (np.log(np.maximum([row[k][1:-1] for row in rows], fixed_point.TINY)) for k in range(2))
@@ -335,9 +345,13 @@ def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array
 
 
 def _off_in_logarithms(values: Floats, x: Floats, places: Places) -> float:
-    """The largest distance in logarithm from straight lines between all values to lines in logarithms between places.
+    """Return a bound of the logarithmic difference between a fine table and its interpolation in logarithms.
 
-    Over one step of the table, both kinds of lines are apart by at most an eighth of the product of two steps.
+    The fine table is interpolated linearly. Over one of its steps, linear and logarithmic interpolation differ by at
+    most an eighth of the product of two steps.
+
+    - `values`, `x`: logarithms of the table's values and of its arguments.
+    - `places`: indices of the arguments that the interpolation uses.
     """
     line = np.interp(x, x[places], values[places])
     step = np.diff(values)
@@ -345,7 +359,7 @@ def _off_in_logarithms(values: Floats, x: Floats, places: Places) -> float:
 
 
 def _in_lanes(values: Floats) -> Floats:
-    """The array with zeros behind its last axis, up to a multiple of `LANES`."""
+    """Return the array with its last axis padded by zeros to a multiple of `LANES`."""
     return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % LANES)])
 
 
@@ -358,9 +372,9 @@ def _number(value: Any) -> str:
 
 
 def _array(declaration: str, values: Any, *, upwards: bool = False) -> _Array:
-    """An array of C, in nested braces.
+    """Return a constant array in C, with values in nested braces.
 
-    - `upwards`: True to round to single precision, never down.
+    - `upwards`: True to round the values up to single precision.
     """
     array = np.asarray(values)
     if upwards:

@@ -50,19 +50,22 @@ class JointUnits:
 
 @dataclass(frozen=True)
 class CProject:
-    """The data for the templates.
+    """An exported law: the data for the templates of the C project.
 
     - `name`: name of the law in C.
-    - `title`, `law`: of the scenario, and of its scheme, in a line each.
-    - `command`: the command line that made it.
+    - `title`: title of the scenario, one line.
+    - `law`: names of scheme and robot, one line.
+    - `command`: the command line of the export.
+    - `joints`: names and units of the joints.
+    - `dialect`: number type of the C code.
     - `guard`: the step in Python.
-    - `step`, `source`: its programs, and its functions in C.
-    - `motion`, `arm`: the scenario's reference and acceleration.
-    - `scenario_helpers`: small functions called by those two.
-    - `tables`: long constant arrays read by those two.
-    - `stream`: the filter of streamed positions; None unless the scenario's motion is one.
-    - `golden`: the step's answers in Python; None without tests.
-    - `period`, `t1`: of the scenario [s].
+    - `step`, `source`: the step's programs, and its functions in C.
+    - `motion`, `arm`: bodies of the C functions for the scenario's reference and for the arm's acceleration.
+    - `scenario_helpers`: lines of the small functions that `motion` and `arm` call.
+    - `tables`: long constant arrays that `motion` and `arm` read.
+    - `stream`: the filter of streamed positions in C; None if the scenario's motion is not streamed.
+    - `golden`: golden samples; None without tests.
+    - `period`, `t1`: sample time and end time of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
     - `start`: initial positions and velocities.
     """
@@ -99,12 +102,12 @@ class CProject:
 
     @property
     def prefix(self) -> str:
-        """Prefix of all types and functions."""
+        """Prefix of all types and functions in C."""
         return f"slidax_{self.name}"
 
     @property
     def macro(self) -> str:
-        """Prefix of all constants."""
+        """Prefix of all macros in C."""
         return self.prefix.upper()
 
     @property
@@ -119,7 +122,7 @@ class CProject:
 
     @property
     def calls(self) -> int:
-        """The part of `stack` for calls [bytes]."""
+        """Part of `stack` that is reserved for calls [bytes]."""
         return CALLS[self.dialect.real]
 
     @property
@@ -134,31 +137,31 @@ class CProject:
 
     @property
     def read_flags(self) -> str:
-        """For each number of q and dq and for t: true if the law reads it."""
+        """C initialiser with one flag for each number of q and dq, and one for t: true if the law reads the number."""
         n = len(self.joints)
         flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
         return ", ".join("true" if flag else "false" for flag in flags)
 
     @property
     def bounds_velocity(self) -> bool:
-        """True if a measured velocity must be in range; any finite value may stand where the estimator reads none."""
+        """True if measured velocities must be in range; False if the law's estimator does not read them."""
         law = self.guard.controller
         return not isinstance(law, SampledData) or law.estimator.reads_velocity
 
     @property
     def golden_is_close(self) -> bool:
-        """True if golden samples are compared in all their members."""
+        """True if the C test compares all members of the golden samples; False if only some, for a law in floats."""
         return self.real == "double" or has_float_constants(self.step.answered.program)
 
     @property
     def shown_parameter(self) -> str:
-        """A parameter for the README's example."""
+        """C expression of the parameter in the README's example."""
         names = [member.element(0) for member in self.parameters if not member.name.startswith("nominal")]
         return next((name for name in names if name.startswith(("surface_", "k"))), names[0])
 
     @property
     def longest(self) -> OperationCount | None:
-        """Upper bound of a step's operations; None if one of its loops has no bound."""
+        """Upper bound of a step's operations; None if a loop has no bound of its iterations."""
         step = self.step
         each = [
             count_operations(part.program) for part in (step.checked, step.begun, step.held, step.valid, step.answered)
@@ -178,7 +181,7 @@ class CProject:
 
     @property
     def law_words(self) -> str:
-        """The scheme, and the first sentence of its docstring."""
+        """Scheme and robot, and the first sentence of the law's docstring."""
         law = type(self.guard.controller)
         first = " ".join((inspect.getdoc(law) or "").split("\n\n")[0].split())
         return f"{self.law}. {law.__name__}: {comment(first)}"
@@ -197,7 +200,7 @@ class CProject:
 
     @property
     def ranges(self) -> list[str]:
-        """Arguments of `within` for each parameter: its first number, the count, and the bounds."""
+        """Arguments of the C function `within` for each parameter: address, count, lower and upper bound."""
         pairs = zip(self.step.parameters, self.step.bounds, strict=True)
         return [
             ", ".join((self.address("parameters->", member), str(member.size), *map(self._bound, bounds)))
@@ -219,7 +222,7 @@ class CProject:
 
     @property
     def workspace(self) -> list[Member]:
-        """Values that depend on the parameters alone."""
+        """Members for values that depend only on the parameters."""
         return self.source.workspace
 
     @property
@@ -239,34 +242,37 @@ class CProject:
         return self._marked(references(len(self.joints)), names)
 
     def bits(self, conditions: Iterable[Condition]) -> str:
-        """The C expression of a status, from flags named as the conditions."""
+        """Return the C expression of a status, from C variables named as the conditions."""
         flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
         return "\n        | ".join(flags)
 
     def literal(self, number: float) -> str:
-        """A number in C."""
+        """Return a number as C source text."""
         return self.dialect.number(number, "f64")
 
     def call(self, name: str) -> str:
-        """A function of `math.h`, by the name of its double version."""
+        """Return the name of a `math.h` function for the project's number type, from the name of its double version."""
         return self.dialect.function(name, "f64")
 
     def address(self, pointer: str, member: Member) -> str:
-        """Address of a member's first number; `pointer` leads to the structure."""
+        """Return the C expression for the address of a member's first number.
+
+        - `pointer`: C text before the member's name, such as `parameters->`.
+        """
         return f"{pointer}{member.name}" if member.shape else f"&{pointer}{member.name}"
 
     @property
     def huge(self) -> str:
-        """A number near the largest."""
+        """A number near the largest one, as C source text."""
         return "1e308" if self.real == "double" else "1e38f"
 
     @property
     def denormal(self) -> str:
-        """The smallest number."""
+        """The smallest positive number, as C source text."""
         return "0x1p-1074" if self.real == "double" else "0x1p-149f"
 
     def initialiser(self, row: int) -> str:
-        """Row `row` of the golden samples as a C initialiser."""
+        """Return the golden sample with the index `row` as a C initialiser."""
         assert self.golden is not None
         parts = (self.measurement, self.reference, self.memory, self.outputs, self.memory)
         structs = (
@@ -274,7 +280,7 @@ class CProject:
             for numbers, members in zip(self.golden.rows[row], parts, strict=True)
         )
         inside = ", ".join(f"{{{struct}}}" for struct in structs)
-        # Of a tolerance, the order of magnitude is enough.
+        # Two digits are enough for a tolerance.
         suffix = "" if self.real == "double" else "f"
         within = ", ".join(
             "{" + ", ".join(f"{number:.1e}{suffix}" for number in part) + "}" for part in self.golden.within[row]
@@ -290,7 +296,7 @@ class CProject:
         return hexadecimal(numbers) + ("" if self.real == "double" else "f")
 
     def _marked(self, members: list[Member], names: dict[str, str]) -> list[Member]:
-        """Add units to the meanings, and a note to members that the law does not read."""
+        """Return the members with units in their meanings, and a note in those that the law does not read."""
         units = {"q": "", "dq": "/s", "ddq": "/s^2"}
         marked = []
         for member in members:
@@ -334,14 +340,14 @@ FILES = {
     "README.md.j2": "README.md",
     "clang-tidy.j2": ".clang-tidy",
 }
-"""Templates, and the files that they become."""
+"""Output file of each template."""
 
 NEEDED = ("header.h", "step.c", "wrapper.hpp", "flat.h", "flat.c", "scenario.h", "scenario.c")
 STEP = {f"{name}.j2": FILES[f"{name}.j2"] for name in NEEDED}
-"""The files that a program needs: all but tests and golden samples."""
+"""Output file of each template that a program needs: without tests, golden samples, example and build file."""
 
 STREAM = {"stream.h.j2": "{prefix}_stream.h", "stream.c.j2": "{prefix}_stream.c"}
-"""Further files of a law with a streamed reference."""
+"""Output files of the additional templates for a law with a streamed reference."""
 
 
 def export_c(
@@ -358,7 +364,7 @@ def export_c(
     - `name`: the law's name in C; by default the scenario's.
     - `single`: floats instead of doubles.
     - `command`: the command line, quoted in the file headers.
-    - `golden`: include tests, golden samples, example and build file; they take most of the time.
+    - `golden`: include tests, golden samples, example and build file; the golden samples take most of the time.
 
     Raises DefinitionError if there is no native code for the law, the name is not valid in C, or the folder cannot be
     written.
@@ -371,7 +377,7 @@ def export_c(
 
 
 def describe_law(exported: CProject) -> dict[str, Any]:
-    """The step's structures for languages that do not read C, as `law.json` has them."""
+    """Return the content of `law.json`: the step's structures, for languages that do not read C headers."""
     return {
         "name": exported.name,
         "prefix": exported.prefix,
@@ -410,8 +416,8 @@ def _described(these: list[Member], exported: CProject) -> list[dict[str, Any]]:
 def write_files(exported: CProject, out: str | Path, templates: Mapping[str, str], **values: Any) -> None:
     """Write files from templates to the folder `out`.
 
-    - `templates`: file names by template; `{prefix}` and `{name}` in them stand for the law's.
-    - `values`: variables of the templates in addition to `x`, the law.
+    - `templates`: output file of each template; `{prefix}` and `{name}` stand for the law's prefix and name.
+    - `values`: variables of the templates in addition to `x`, the exported law.
 
     Raises DefinitionError if the folder cannot be written.
     """
@@ -424,7 +430,7 @@ def write_files(exported: CProject, out: str | Path, templates: Mapping[str, str
 
 @contextmanager
 def writing(out: str | Path) -> Iterator[None]:
-    """Create the folder `out`, and raise a DefinitionError where it or a file in it cannot be written."""
+    """Create the folder `out`; raise DefinitionError if the folder, or a file in the block, cannot be written."""
     try:
         Path(out).mkdir(parents=True, exist_ok=True)
         yield
@@ -484,7 +490,7 @@ def _checked_name(name: str, *, clean: bool) -> str:
     cleaned = re.sub(r"\W+", "_", comment(name)).strip("_").lower() if clean else name
     if not re.fullmatch(r"[a-z][a-z0-9_]*", cleaned) or len(cleaned) > LONGEST_NAME:
         raise DefinitionError(
-            f"`{cleaned}` is not a name in C: use small letters, digits and _, a letter first, at most {LONGEST_NAME}: "
-            f"`--name NAME`"
+            f"`{cleaned}` cannot be the law's name in C: set `--name NAME`, at most {LONGEST_NAME} small letters, "
+            f"digits and _, beginning with a letter"
         )
     return cleaned

@@ -1,4 +1,4 @@
-"""C source of a step's programs, with the functions that they share."""
+"""C source of the programs of a guarded step, and of the functions that these programs share."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .c_structures import Member
 from .programs import CArray, Function, StepPrograms, stream_program, with_float_constants
 
 TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "workshop")
-"""Names of the types in the C file."""
+"""Names of the types in the C file, which no variable may have."""
 
 RESULT = "result"
 LEAST = 3
-"""Fewest elements of an array."""
+"""Fewest values that the workspace stores as an array; fewer become separate members."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FunctionBody:
     """Body of a C function.
 
     - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: stack of its variables, no two sharing memory, and of the deepest call.
+    - `bytes`: stack of its variables, none of which share memory, and of the deepest call.
     """
 
     lines: list[str]
@@ -43,11 +43,13 @@ NO_BODY = FunctionBody([], 0)
 
 @dataclass
 class SharedFunction:
-    """A function of the step.
+    """A C function that the law's programs call more than once.
 
+    - `program`: what it computes.
     - `name`: name in C.
-    - `arrays`: for each input, the parameter that all calls pass; None if calls differ.
-    - `body`, `derived`: its body, and the body of the function that precomputes from the parameters.
+    - `arrays`: for each input, the parameter that all calls pass, which the body reads itself; None if calls differ.
+    - `body`: its body.
+    - `derived`: body of the function that precomputes its values that depend only on the parameters.
     """
 
     program: Program
@@ -58,20 +60,20 @@ class SharedFunction:
 
     @property
     def local(self) -> list[str]:
-        """Names of its variables."""
+        """Names of its arguments, which no other variable may have."""
         return [RESULT, *(self.argument(k) for k in self.passed)]
 
     @property
     def passed(self) -> tuple[int, ...]:
-        """Indices of the inputs that are passed as arguments."""
+        """Indices of the program's inputs that are passed as arguments."""
         return tuple(k for k, array in enumerate(self.arrays) if array is None)
 
     def argument(self, which: int) -> str:
-        """Name of a passed input."""
+        """Return the name of the argument for an input; `which` is the input's index."""
         return "x" if len(self.passed) == 1 else f"x{self.passed.index(which) + 1}"
 
     def declarations(self, dialect: Dialect) -> str:
-        """The arguments in C, and the array of the results."""
+        """Return the declarations of the arguments and of the results' array in C."""
         arguments = []
         for k in self.passed:
             entry = self.program.inputs[k]
@@ -83,11 +85,11 @@ class SharedFunction:
 
     @property
     def about(self) -> str:
-        """Comment of the function, in a line."""
+        """One-line comment of the function in C."""
         return f"{self.name}: computed more than once by the law."
 
     def read(self, which: int, element: int | str) -> str:
-        """C expression of an input's element."""
+        """Return the C expression of an input's element; `which` is the input's index."""
         array = self.arrays[which]
         if array is not None:
             return array.element(element)
@@ -96,10 +98,10 @@ class SharedFunction:
 
 
 class SharedFunctions:
-    """All functions called by some programs.
+    """All functions that some programs call, each once even if several programs call it.
 
-    - `tops`: the programs, with the arrays that their inputs come from.
-    - `taken`: names of other functions in C.
+    - `tops`: the calling programs, with the C arrays of their inputs.
+    - `taken`: names of other functions and types in C.
     """
 
     def __init__(self, tops: Sequence[Function], taken: Iterable[str]) -> None:
@@ -118,20 +120,24 @@ class SharedFunctions:
 
     @property
     def shared(self) -> list[SharedFunction]:
-        """The functions, each after those that it calls."""
+        """The functions, sorted so that each follows those that it calls."""
         return list(self._by_digest.values())
 
     def of(self, program: Program) -> SharedFunction:
-        """The function of a called program."""
+        """Return the C function of a called program."""
         return self._known[id(program)][1]
 
     def callee(self, program: Program) -> Callee:
-        """Description of a call."""
+        """Return the description of a call to the C function of a program."""
         shared = self.of(program)
         return Callee(shared.name, ("parameters", "workspace"), shared.passed)
 
     def write(self, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
-        """Write all functions; `helpers` collects the small functions they call, `members` the workspace."""
+        """Write the bodies of all functions.
+
+        - `helpers`: collects the small functions that they call.
+        - `members`: collects the members of the workspace.
+        """
         for shared in self.shared:
             self._write(shared, dialect, helpers, members)
 
@@ -163,7 +169,7 @@ class SharedFunctions:
         shared.body = function_body(shared, dialect, shares, helpers, self, names, results, kept)
 
     def deepest(self, called: Sequence[Program]) -> int:
-        """Largest stack of a call to one of these functions [bytes]."""
+        """Return the largest stack of a call to the function of one of these programs [bytes]."""
         return max((self.of(program).body.bytes + FRAME for program in called), default=0)
 
 
@@ -172,14 +178,16 @@ FRAME = 128
 
 
 class WorkspaceMembers:
-    """Members of the workspace."""
+    """Members of the workspace, the C structure for values that depend only on the parameters."""
 
     def __init__(self) -> None:
         self.all: list[Member] = []
         self._taken = {"from", "known"}
 
     def add(self, values: Sequence[Value], names: Names) -> dict[Value, str]:
-        """Add values to the workspace, those of one array together; return the C expression of each.
+        """Add values to the workspace, and return the C expression of each.
+
+        Values of the same array become an array if there are at least `LEAST`.
 
         - `names`: names of the program that the values belong to.
         """
@@ -208,14 +216,14 @@ class WorkspaceMembers:
 
 
 def with_unused_arguments(lines: list[str], arguments: Sequence[str]) -> list[str]:
-    """Prepend `(void)` lines for arguments that a function's lines do not read."""
+    """Return a function's lines after `(void)` lines for the arguments that they do not read."""
     text = re.sub(r"/\*.*?\*/", "", "\n".join(lines), flags=re.DOTALL)
     # Whole words, and no members of structures: neither `at[0]` nor `then->t` reads `t`.
     return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
 
 
 def _passed(call: Call, arrays: Sequence[CArray | None]) -> list[CArray | None]:
-    """For each input of a call, the parameter passed to it."""
+    """Return for each input of a call the parameter that is passed to it; None if it is not a whole parameter."""
     passed: list[CArray | None] = []
     first = 0
     for entry in call.program.inputs:
@@ -244,14 +252,15 @@ def _numbered(name: str) -> Iterable[str]:
 
 @dataclass(frozen=True)
 class StepSource:
-    """All functions of a step.
+    """C source of all functions of a step.
 
-    - `checked`, `begun`, `held`, `valid`, `derived`, `answered`: the bodies.
-    - `functions`: those that the law calls, each after those that it calls itself.
-    - `workspace`: members for values that depend on the parameters alone.
-    - `helpers`: lines of the small functions that they call.
-    - `bytes`: upper bound of a step's stack: no two variables of a block share memory; consecutive blocks and
-      functions share memory.
+    - `checked`, `begun`, `held`, `valid`, `answered`: bodies of the functions in `StepPrograms`.
+    - `derived`: body of the function that computes the workspace.
+    - `functions`: functions that the law calls, sorted so that each follows those that it calls.
+    - `workspace`: members for values that depend only on the parameters.
+    - `helpers`: lines of the small functions that all these functions call.
+    - `bytes`: upper bound of a step's stack. It assumes that no two variables of a block share memory, and that
+      consecutive blocks and functions do.
     """
 
     checked: FunctionBody
@@ -271,7 +280,8 @@ class StreamCode:
     """The filter of streamed positions in C.
 
     - `options`, `state`: members of its structures.
-    - `body`: its step; `helpers`: small functions that it calls.
+    - `body`: body of its step function.
+    - `helpers`: lines of the small functions that the step calls.
     """
 
     options: list[Member]
@@ -281,7 +291,7 @@ class StreamCode:
 
     @classmethod
     def of(cls, motion: AbstractMotion, joints: int, dialect: Dialect) -> StreamCode | None:
-        """Write the filter of a streamed motion; None for another one."""
+        """Return the filter of a streamed motion in C; None for other motions."""
         if not isinstance(motion, Streamed):
             return None
         step, options, state = stream_program(motion.stream, joints)
@@ -294,14 +304,14 @@ CALLS = {"double": 640, "float": 512}
 """Stack for calls [bytes]: return addresses, saved registers, arguments, intermediate results."""
 
 SPILLED = 1.4
-"""Stack of a compiler that unrolls loops, relative to that of the variables."""
+"""Largest stack that a compiler which unrolls loops uses, relative to that of the variables."""
 
 TAKEN = ("checked", "begun", "held", "within", "related", "derived", "kept_up", "answered")
-"""Functions of the file that are not the law's."""
+"""Functions of the C file that do not come from the law."""
 
 
 def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
-    """Write the functions of a step in C."""
+    """Return the functions of a step in C."""
     helpers = Helpers(dialect)
     sample = ("parameters", "measurement", "reference")
     if dialect.real == "float":
@@ -320,7 +330,7 @@ def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
     derived = function_body(answered, dialect, shares, helpers, library, names, _stored(kept))
     arguments = (*sample, "workspace", "memory", "command")
     inside = function_body(answered, dialect, arguments, helpers, library, names, answered.assigned, kept)
-    # They run one after the other; only `derived` calls others.
+    # These functions run one after the other; of those for the workspace, only `derived` calls others.
     deriving = derived.bytes + max((each.derived.bytes for each in library.shared), default=0)
     total = (
         round(SPILLED * max(checked.bytes, held.bytes, valid.bytes, begun.bytes, deriving, inside.bytes))
@@ -351,14 +361,14 @@ def function_body(
     assigned: list[tuple[str, Value]] | None = None,
     kept: Mapping[Value, str] | None = None,
 ) -> FunctionBody:
-    """Write the body of a function.
+    """Return the body of a function in C.
 
     - `arguments`: names of the C function's arguments.
     - `helpers`: collects the small functions that it calls.
-    - `library`: the shared functions that it calls.
-    - `names`: names of its values; None: those of the source and of the signals.
-    - `assigned`: C lvalues and their values; None: the outputs.
-    - `kept`: values that need no computation, with the C text that reads them.
+    - `library`: the shared functions that it may call.
+    - `names`: names of its values; None for those of the Python source and of the signals.
+    - `assigned`: the lvalues that it assigns, with their values; None for the program's outputs.
+    - `kept`: values that are precomputed, with the C expressions that read them.
     """
     if isinstance(function, Function):
         names = names or Names(function.program, _outputs(function))
@@ -389,7 +399,7 @@ def _fitted(function: Function) -> Function:
 
 
 def _outputs(function: Function) -> dict[Value, str]:
-    """Names for the values of signals, so that they can be recognised in the code."""
+    """Return names for the values of signals, so that a reader recognises them in the C code."""
     return {
         value: array.member.name + index_suffix(k, array.member.shape)
         for array, output in zip(function.outputs, function.program.outputs, strict=True)
@@ -400,6 +410,6 @@ def _outputs(function: Function) -> dict[Value, str]:
 
 
 def _written(name: str, lines: list[str]) -> str:
-    """The expression that computes a member of the workspace."""
+    """Return the C expression that computes a member of the workspace."""
     start = f"    workspace->{name} = "
     return next((line.removeprefix(start).rstrip(";") for line in lines if line.startswith(start)), "")

@@ -33,7 +33,7 @@ def comment(text: str) -> str:
 
 
 def shorten(text: str, most: int) -> str:
-    """Return the first sentence of a line, cut between its parts if it has more than `most` letters."""
+    """Return the first sentence of a line, cut at a comma, semicolon or colon if it has more than `most` characters."""
     first = re.split(r"(?<!eq)(?<!eqs)\.(?: |$)", text, maxsplit=1)[0]
     if len(first) <= most:
         return first
@@ -46,10 +46,10 @@ class Member:
     """One member of a structure.
 
     - `name`: name in C.
-    - `type`: type of its numbers, as in the IR.
-    - `shape`: () for one number; anything else becomes a flat array.
-    - `meaning`: a few words with the unit, from the docstring of its class.
-    - `part`: the first words of that docstring.
+    - `type`: type of its numbers in `slidax.codegen.ir`, such as "f64".
+    - `shape`: () for one number; any other shape becomes a flat array.
+    - `meaning`: a few words with the unit, from the bullet in its class's docstring.
+    - `part`: class name and first words of that docstring.
     - `values`: its default; None if it has none.
     """
 
@@ -66,11 +66,11 @@ class Member:
 
     @property
     def brackets(self) -> str:
-        """The array size after the name in its declaration."""
+        """Array size after the name in the C declaration; empty for one number."""
         return f"[{self.size}]" if self.shape else ""
 
     def element(self, k: int) -> str:
-        """The name of the number at index `k`, in C order."""
+        """Return the C expression of the number at the flat index `k`."""
         return f"{self.name}[{k}]" if self.shape else self.name
 
 
@@ -79,9 +79,9 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
 
     - `tree`: a module with arrays, or their shapes.
     - `strip`: leading path parts to omit from names.
-    - `values`: True if the arrays are defaults.
+    - `values`: True if the arrays are the members' defaults.
 
-    Raises DefinitionError if two would have one name.
+    Raises DefinitionError if two members would have the same name.
     """
     structure = []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
@@ -106,7 +106,7 @@ def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> li
 
 
 def _part_of_path(key: Any) -> str:
-    """The name of a field, entry or element on the way to a leaf."""
+    """Return the name of one key of a tree path: a field, a dictionary key or an index."""
     for field in ("name", "key", "idx"):
         if hasattr(key, field):
             return str(getattr(key, field))
@@ -114,7 +114,7 @@ def _part_of_path(key: Any) -> str:
 
 
 def _meaning(tree: Any, path: Sequence[Any]) -> str:
-    """The bullet of the innermost field on the way to the leaf, without words that the declaration repeats."""
+    """Return the docstring bullet of the innermost field on the path to a leaf, without words that C repeats."""
     meaning = ""
     for place, key in _objects_on_path(tree, path):
         if hasattr(key, "name"):
@@ -131,7 +131,7 @@ def _meaning(tree: Any, path: Sequence[Any]) -> str:
 
 
 def _part_of(tree: Any, path: Sequence[Any]) -> str:
-    """The first sentence about the innermost object that has the leaf."""
+    """Return class name and first docstring sentence of the innermost object on the path to a leaf."""
     owners = [place for place, key in _objects_on_path(tree, path) if hasattr(key, "name")]
     if not owners:
         return ""
@@ -141,7 +141,7 @@ def _part_of(tree: Any, path: Sequence[Any]) -> str:
 
 
 def _objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The objects on the way to a leaf, each with the key that leads on."""
+    """Yield the objects on the path to a leaf, each with the key of the next object."""
     place = tree
     for key in path:
         yield place, key
@@ -150,7 +150,7 @@ def _objects_on_path(tree: Any, path: Sequence[Any]) -> Iterator[tuple[Any, Any]
 
 
 def bullets(owner: type) -> dict[str, str]:
-    """The bullets about fields in a class's docstring, in one line each."""
+    """Return the bullets of a class's docstring by field name, each as one line."""
     meanings: dict[str, str] = {}
     for bullet in re.findall(r"^- ((?:.+\n?(?!- |\n))+.*)", inspect.getdoc(owner) or "", re.MULTILINE):
         names, colon, text = bullet.partition(":")
@@ -160,17 +160,17 @@ def bullets(owner: type) -> dict[str, str]:
 
 
 class ParameterBounds(NamedTuple):
-    """Closed bounds of the numbers of one array; infinite where the parameter may be."""
+    """Closed bounds of the numbers of one array; infinite if the parameter may be infinite."""
 
     low: float
     high: float
 
 
 def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
-    """Bounds of each array in a tree, in the order of its leaves, as far as they do not depend on other parameters.
+    """Return the bounds of each array in a tree, in the order of its leaves; None for integers and booleans.
 
-    An open end is replaced by the next number of the type `real`, at zero by the smallest normal one. Numbers without a
-    declaration must be finite. None for an array of other than real numbers.
+    A bound that is another parameter is left out. An open end is replaced by the next number of the type `real` inside
+    the range; an open end at zero by the smallest normal number. Arrays without a declared range must be finite.
     """
     kind = np.float64 if real == "double" else np.float32
     largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
@@ -211,7 +211,7 @@ def related_valid(tree: Any) -> Flag:
 
 
 def declared_arrays(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
-    """For each array its part, its declaration (None if it has none), and itself."""
+    """Yield for each array the object that has it, its declaration (None if it has none), and the array."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         owner, parameter = None, None
         for place, key in _objects_on_path(tree, path):
@@ -241,7 +241,7 @@ def render(template: str, values: dict[str, Any]) -> str:
 
 
 def declarations(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """Lines that declare members with default and meaning in a comment, grouped by part."""
+    """Return the C lines that declare members, grouped by part, with default and meaning in a comment."""
     lines: list[str] = []
     for part, group in groupby(members, key=lambda member: member.part):
         these = list(group)
@@ -257,7 +257,7 @@ def declarations(members: Sequence[Member], dialect: Dialect) -> list[str]:
 
 
 def initialisers(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """Lines that initialise members with their defaults."""
+    """Return the C lines that initialise members with their defaults."""
     lines: list[str] = []
     for member in members:
         if member.values is None:
@@ -272,7 +272,7 @@ def initialisers(members: Sequence[Member], dialect: Dialect) -> list[str]:
 
 
 def table_definitions(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """Lines that define constant arrays."""
+    """Return the C lines that define members as constant arrays."""
     lines: list[str] = []
     for member in members:
         assert member.values is not None
@@ -284,7 +284,7 @@ def table_definitions(members: Sequence[Member], dialect: Dialect) -> list[str]:
 
 
 def default(member: Member, dialect: Dialect) -> str:
-    """A member's default in short form; empty if it has none."""
+    """Return a member's default as a short text, one number if all are equal; empty if it has none."""
     if member.values is None:
         return ""
     numbers = ["none" if np.isposinf(number) else _number(number, member, dialect) for number in member.values.ravel()]

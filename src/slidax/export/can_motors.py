@@ -1,4 +1,4 @@
-"""A scenario's law for arms of CAN motors with MIT mode, as Damiao's have them."""
+"""A scenario's law for arms with CAN motors in MIT mode, such as Damiao motors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .robots import RobotLimits, write_onboard
 
 @dataclass(frozen=True)
 class CanMotor:
-    """Ranges of a motor's frames: positions, rad, velocities, rad/s, and torques, N m, are within ± these."""
+    """A motor with the ranges of its CAN frames: ± position [rad], ± speed [rad/s] and ± torque [N m]."""
 
     name: str
     position: float
@@ -38,7 +38,7 @@ MOTORS = {
         CanMotor("DM10010", 12.5, 20.0, 200.0),
     )
 }
-"""Damiao motors with their default ranges, from OpenArm's openarm_can."""
+"""Damiao motors with their default ranges, as in OpenArm's library openarm_can."""
 
 
 def export_can(
@@ -51,13 +51,14 @@ def export_can(
     command: str = "",
     golden: bool = True,
 ) -> CProject:
-    """Write a Python program for python-can, the frames in C, and the law that it runs.
+    """Write a Python program for python-can, C code for the motors' CAN frames, and the law that the program runs.
 
-    - `motors`: motors of the joints, names in `MOTORS`.
+    - `motors`: name of each joint's motor in `MOTORS`.
     - `name`, `single`, `command`: as in `export_c`.
     - `golden`: include the tests and golden samples, which take most of the time.
 
-    Raises DefinitionError if a joint has no motor or exceeds its ranges, or the scenario cannot be exported.
+    Raises DefinitionError if a motor is unknown or missing, a torque limit exceeds a motor's range, a joint is
+    prismatic, measurements are not delayed by a period, or the scenario cannot be exported.
     """
     joints = scenario.state0.q.size
     for word in motors:
@@ -70,17 +71,17 @@ def export_can(
     limits = RobotLimits.of(scenario, exported)
     if exported.delay < 1:
         raise DefinitionError(
-            "a motor answers a torque with its state, which the law reads one period later, and the law must account "
-            "for it: `--set sensor.delay=1`",
+            "a CAN motor answers a torque with its state, which the law reads one period later: set the sensor's delay "
+            "with `--set sensor.delay=1`",
             where="sensor.delay",
         )
     if limits.unit != "rad" or len({joint.q for joint in exported.joints}) > 1:
-        raise DefinitionError("a CAN motor turns a joint; the scenario's arm has joints that slide")
+        raise DefinitionError("CAN motors drive only revolute joints; the scenario's arm has a prismatic joint")
     for k, motor in enumerate(chosen):
         if not limits.torque[k] <= motor.torque:
             raise DefinitionError(
-                f"the torque limit of joint {k + 1} is {limits.torque[k]:g} N m, and a frame of {motor.name} holds up "
-                f"to {motor.torque:g} N m: set `actuator.torque`, or choose another motor"
+                f"the torque limit of joint {k + 1} is {limits.torque[k]:g} N m, above the largest torque in a frame "
+                f"of {motor.name}, {motor.torque:g} N m: lower `actuator.torque`, or choose another motor"
             )
     write_onboard(
         exported, limits, out, {"program.py": run_can}, sources=("can",), more={"motors": [*map(asdict, chosen)]}

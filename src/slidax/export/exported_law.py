@@ -1,4 +1,4 @@
-"""An exported law as a Python object: its C code, compiled and called by ctypes."""
+"""An exported law as a Python object, which calls the law's compiled C code through ctypes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .onboard.pilot import C_TYPES, compile_library
 
 
 class ExportedLaw(MutableMapping[str, np.ndarray]):
-    """One arm's exported law. As a mapping it has the law's parameters, which may be changed between two steps.
+    """An exported law with the state of one arm; a mapping of its parameters, which may be changed between two steps.
 
     - `folder`: folder of the C project.
-    - `about`: content of its `law.json`: joints, period, structures, conditions.
-    - `library`: its compiled code.
+    - `about`: content of the project's `law.json`: joints, period, structures, conditions.
+    - `library`: the project's compiled code.
     """
 
     def __init__(self, folder: str | Path, about: dict[str, Any], library: ctypes.CDLL) -> None:
@@ -48,7 +48,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     def step(
         self, t: float, q: Sequence[float], dq: Sequence[float], now: Any, following: Any = None
     ) -> tuple[np.ndarray, int]:
-        """Return the torque [n], N m or N, and the status of one sample.
+        """Run the law for one sample; return the torque [n], N m or N, and the status bits.
 
         - `t`: time [s].
         - `q`, `dq`: measured positions and velocities [n].
@@ -72,9 +72,9 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     def follow(
         self, t: float, q: Sequence[float], dq: Sequence[float], newest: Any = None
     ) -> tuple[np.ndarray, int, np.ndarray]:
-        """Return torque [n], status and reference [3 n] of one sample for positions that a host streams.
+        """Run the law for one sample of a streamed reference; return torque [n], status bits and reference [3 n].
 
-        The reference is that of the law's filter, at rest at the first `q`.
+        The law's filter computes the reference from the host's positions. It starts at rest at the first `q`.
 
         - `t`, `q`, `dq`: as in `step`.
         - `newest`: the host's positions [n] if they have arrived since the last sample, else None.
@@ -94,16 +94,16 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         self._function("reset", None)(self._at)
 
     def another(self) -> ExportedLaw:
-        """Return the same law for another arm, with a state and parameters of its own."""
+        """Return the same law for another arm, with its own state and default parameters."""
         return ExportedLaw(self.folder, self.about, self._library)
 
     def conditions(self, status: int) -> list[str]:
-        """Names of the bits that are set in a status."""
+        """Return the names of the bits that are set in a status."""
         return [each["name"] for each in self.about["conditions"] if status & each["bit"]]
 
     @property
     def signals(self) -> dict[str, np.ndarray]:
-        """The torque and the law's signals of the last step, by name."""
+        """Torque and signals of the law at the last step, by name."""
         members = self.about["structures"]["command"]
         return {each["name"]: np.array(getattr(self._command, each["name"]), float) for each in members}
 
@@ -162,7 +162,7 @@ def load_export(folder: str | Path) -> ExportedLaw:
     project = next((path for path in (Path(folder), Path(folder) / "law") if (path / "law.json").is_file()), None)
     if project is None:
         raise DefinitionError(
-            f"`{folder}` has no exported law (law.json): write one by `slidax export c SCENARIO --out DIR`"
+            f"`{folder}` has no exported law (law.json): export one with `slidax export c SCENARIO --out DIR`"
         )
     about = json.loads((project / "law.json").read_text(encoding="utf-8"))
     prefix = about["prefix"]

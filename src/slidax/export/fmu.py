@@ -88,20 +88,20 @@ ABSENT: dict[str, tuple[str, ...]] = {
     "fmi3GetOutputDerivatives": (*THESE, "const fmi3Int32 orders[]", "fmi3Float64 values[]", "size_t nValues"),
     "fmi3ActivateModelPartition": ("fmi3ValueReference clockReference", "fmi3Float64 activationTime"),
 }
-"""Arguments after the instance, by function name."""
+"""Functions of FMI 3.0 that the unit does not support: their arguments after the instance, by name."""
 
 
 OPTIONS = ("-std=c99", "-O2", "-g0", "-fPIC", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
-"""No -ffast-math: the answers to NaN and infinity are part of the contract."""
+"""Compiler options; without -ffast-math, since the step's result for NaN and infinity is specified."""
 
 
 @dataclass(frozen=True)
 class Platform:
-    """A platform.
+    """A platform for which an FMU can have a binary.
 
-    - `name`, `older`: its folder in FMI 3.0, and in FMI 2.0.
-    - `ending`: ending of a shared library.
-    - `target`: as zig names it.
+    - `name`, `older`: name of the binary's folder in FMI 3.0, and in FMI 2.0.
+    - `ending`: file extension of a shared library.
+    - `target`: zig's name of the platform.
     """
 
     name: str
@@ -110,11 +110,11 @@ class Platform:
     target: str
 
     def folder(self, fmi: int) -> str:
-        """Folder of its binary inside the FMU, for FMI 3 or 2."""
+        """Return the folder of the platform's binary inside an FMU of FMI 3 or 2."""
         return self.name if fmi == 3 else self.older
 
 
-# An old glibc, so that the library also loads on old systems.
+# The oldest supported glibc is 2.17, so that the library also loads on old systems.
 PLATFORMS = (
     Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
     Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
@@ -126,18 +126,20 @@ NAMES = [each.name for each in PLATFORMS]
 
 
 def has_zig() -> bool:
-    """True if ziglang, a compiler for all platforms, is installed."""
+    """True if ziglang is installed, which can compile for all platforms."""
     return importlib.util.find_spec("ziglang") is not None
 
 
 def this_platform() -> str:
-    """This machine's platform, by its name in FMI 3.0."""
+    """Return the name of this machine's platform in FMI 3.0."""
     machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
     return f"{machine}-{platform.system().lower()}"
 
 
 def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
-    """The platforms to build for; None: all, or this machine's where ziglang is not installed.
+    """Return the platforms to build for.
+
+    - `names`: names in FMI 3.0; None for all platforms, or without ziglang for this machine's platform.
 
     Raises DefinitionError if a name is unknown or has no compiler.
     """
@@ -152,7 +154,12 @@ def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
 
 
 def build_library(where: Platform, folder: Path, sources: Sequence[str], name: str) -> bytes:
-    """Compile the binary for one platform; the compiler writes to `folder`, which has the sources.
+    """Compile and return the binary for one platform.
+
+    - `where`: the platform.
+    - `folder`: folder of the sources, to which the compiler also writes.
+    - `sources`: names of the C files.
+    - `name`: name of the binary without its extension.
 
     Raises DefinitionError if the compiler fails.
     """
@@ -186,10 +193,11 @@ ARGUMENTS = ("parameters", "memory", "measurement", "reference", "envelope")
 
 @dataclass(frozen=True)
 class ExportedFmu:
-    """An exported unit.
+    """An exported FMU.
 
-    - `variables`: by value reference.
-    - `platforms`: platforms of its binaries, as FMI 3.0 names them.
+    - `project`: the exported law.
+    - `variables`: its variables; a variable's index is its value reference.
+    - `platforms`: platforms of its binaries, by their names in FMI 3.0.
     """
 
     project: CProject
@@ -206,14 +214,14 @@ def export_fmu(
     platforms: Sequence[str] | None = None,
     command: str = "",
 ) -> ExportedFmu:
-    """Write a scenario's law as an FMU to the file `out`: binaries, sources, a description of all variables, a page.
+    """Write a scenario's law as an FMU to the file `out`: binaries, sources, model description and an HTML page.
 
     - `name`: the law's name in C; by default the scenario's.
     - `fmi`: 3 for FMI 3.0, 2 for FMI 2.0.
     - `platforms`: target platforms, such as `x86_64-linux`; by default all with a compiler on this machine.
     - `command`: the command line, quoted in the file headers.
 
-    Raises DefinitionError if there is no native code for the law, no compiler, or the file cannot be written.
+    Raises DefinitionError if the law has no native code, there is no compiler, or the file cannot be written.
     """
     if fmi not in VERSIONS:
         raise DefinitionError(f"FMI version must be 3 or 2; got {fmi}")
@@ -242,7 +250,7 @@ def export_fmu(
 
 
 def _texts(exported: CProject, fmi: int) -> tuple[dict[str, str], list[Variable], str]:
-    """Sources by name, variables, and the token that ties the description to them."""
+    """Return the sources by file name, the variables, and the instantiation token (GUID), a hash of both."""
     helpers = Helpers(exported.dialect)
     function = envelope_function(exported.guard, exported.step)
     envelope = None if function is None else function_body(function, exported.dialect, ARGUMENTS, helpers)
@@ -276,12 +284,12 @@ def _page(exported: CProject, listed: Sequence[Variable], fmi: int) -> dict[str,
 
 
 def _end(number: float) -> str:
-    """One end of a range in C."""
+    """Return the end of a range as a C expression."""
     return repr(number) if math.isfinite(number) else f"{'-' if number < 0 else ''}(double)INFINITY"
 
 
 def _range(variable: Variable) -> str:
-    """Range of a variable, if the unit checks it."""
+    """Return the range of a variable as text; empty if the variable has no range."""
     if math.isinf(variable.lower) and math.isinf(variable.upper):
         return ""
     if math.isinf(variable.upper):

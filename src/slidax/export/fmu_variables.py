@@ -26,7 +26,7 @@ BASE: dict[str, dict[str, int]] = {
     "rad": {"rad": 1},
     "N": {"kg": 1, "m": 1, "s": -2},
 }
-"""Symbols by their SI base units."""
+"""Exponents of the SI base units, and of rad, in each unit symbol."""
 
 SUPERSCRIPTS = str.maketrans("²³", "23")
 TOKEN = re.compile(r"\s*([()/]|[A-Za-z1]+|\^?\d)\s*")
@@ -37,8 +37,8 @@ COUNTS = ("periods", "samples", "sampling periods")
 class Unit:
     """A unit.
 
-    - `name`: name with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
-    - `base`: exponents of SI base units, with `rad`, in order of appearance.
+    - `name`: name in FMI, with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
+    - `base`: exponents of the SI base units and of `rad`, in the order in which they appear in the unit.
     """
 
     name: str
@@ -46,9 +46,9 @@ class Unit:
 
 
 def parse_unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
-    """Parse a declared unit, such as `kg m²` or `rad/s or m/s`; None for a pure number, a count, or no unit.
+    """Parse a declared unit, such as `kg m²` or `rad/s or m/s`; return None for a pure number, a count, or no unit.
 
-    - `revolute`: True if the number belongs to a revolute joint; None where joints of both kinds share it.
+    - `revolute`: True if the number belongs to a revolute joint; None if joints of both kinds share it.
     """
     text = declared.strip()
     if not text or text == "1" or text in COUNTS or "," in text:
@@ -67,7 +67,7 @@ def parse_unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
 
 
 def _product(tokens: list[str]) -> dict[str, int]:
-    """Exponents of a product up to its closing parenthesis."""
+    """Return the exponents of a product; remove its tokens, up to the closing parenthesis if it has one."""
     exponents: dict[str, int] = {}
     divided = False
     while tokens:
@@ -86,7 +86,7 @@ def _product(tokens: list[str]) -> dict[str, int]:
 
 
 NO_LIMIT = 1e300
-"""Stands for infinity, which some importers cannot read; the step treats larger values as infinite."""
+"""Number that stands for infinity, which some importers cannot read; the step treats larger values as infinite."""
 
 UNDECLARED = {"period": "s", "horizon": "s"}
 SIGNALS = {
@@ -109,21 +109,21 @@ SIGNALS = {
 }
 UNIT_SUFFIX = re.compile(r" \[[^]]*\](?=;|$)")
 PLAIN = {"eps1": ("error", "rad or m"), "eps2": ("rate of the error", "rad/s or m/s")}
-"""Their meanings without an error transformation."""
+"""Meanings of the signals `eps1` and `eps2` for a law without an error transformation."""
 
 RATES = {"q": "", "dq": "/s", "ddq": "/s²"}
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable.
+    """One variable of an FMU.
 
-    - `name`: structured: `reference.dq_next[2]`.
+    - `name`: structured name, such as `reference.dq_next[2]`.
     - `kind`: "real", "integer" or "boolean".
     - `causality`: "parameter", "input", "output" or "independent".
-    - `expression`: expression of its value in C, in the instance.
-    - `lower`, `upper`: of its range; infinite where there is none.
-    - `open`: True for a bound that is excluded.
+    - `expression`: C expression of its value, as a member of the instance.
+    - `lower`, `upper`: ends of its range; infinite where there is none.
+    - `open`: True for an end of the range that is excluded.
     """
 
     name: str
@@ -139,7 +139,7 @@ class Variable:
 
 
 def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
-    """All variables; the index in the list is the value reference."""
+    """Return all variables; the index in the list is the value reference."""
     revolute = [joint.q == "rad" for joint in exported.joints]
     second = parse_unit("s")
     listed = [Variable("time", "real", "independent", "now", "time of the importer", second)]
@@ -200,7 +200,7 @@ def _parameters(member: Member, parameter: Parameter, revolute: list[bool]) -> I
 def _numbers(
     structure: str, member: Member, causality: str, words: str, revolute: list[bool], meaning: str
 ) -> Iterator[Variable]:
-    """A variable for each number of a member; joints are counted from 1, as everywhere in FMI."""
+    """Yield a variable for each number of a member; indices count from 1, as usual in FMI."""
     for k, index in enumerate(np.ndindex(member.shape)):
         label = f"[{','.join(str(i + 1) for i in index)}]" if member.shape else ""
         # A per-joint value has its joint's unit, any other value the unit shared by all joints.
@@ -219,7 +219,7 @@ def _numbers(
 TYPES = {3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
          2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"}}  # fmt: skip
 SHORT = 1000
-"""Periods of the default experiment."""
+"""Most sample periods in the default experiment."""
 
 STATES = {
     3: {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"},
@@ -230,12 +230,12 @@ STATES = {
 def model_description(
     exported: CProject, listed: Sequence[Variable], *, fmi: int, token: str, files: Sequence[str]
 ) -> str:
-    """The text of modelDescription.xml.
+    """Return the text of modelDescription.xml.
 
-    - `listed`: variables by value reference.
+    - `listed`: the variables; a variable's index is its value reference.
     - `fmi`: 3 or 2.
-    - `token`: by which the binary recognises its own description.
-    - `files`: names of the C sources inside.
+    - `token`: instantiation token (GUID), which the binary compares with its own.
+    - `files`: names of the C sources in the FMU.
     """
     about = {
         "fmiVersion": "3.0" if fmi == 3 else "2.0",
@@ -263,7 +263,7 @@ def model_description(
     end = min(exported.t1, SHORT * exported.period)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=repr(end), stepSize=repr(exported.period))
     variables = SubElement(root, "ModelVariables")
-    # FMI 2.0 needs no variable for the time, and importers stumble over one.
+    # FMI 2.0 needs no variable for the time, and some importers reject it.
     numbered = [(k, each) for k, each in enumerate(listed) if fmi == 3 or each.causality != "independent"]
     for reference, variable in numbered:
         _variable(variables, variable, reference, fmi)
@@ -271,7 +271,7 @@ def model_description(
     group = structure if fmi == 3 else SubElement(structure, "Outputs")
     for index, (reference, variable) in enumerate(numbered, 1):
         if variable.causality == "output":
-            # Outputs change by a step alone: no input reaches one at the same instant.
+            # Outputs change only in a step: none depends on an input at the same instant.
             which = {"valueReference": str(reference)} if fmi == 3 else {"index": str(index)}
             SubElement(group, "Output" if fmi == 3 else "Unknown", which, dependencies="")
     ElementTree.indent(root, "  ")
@@ -279,7 +279,7 @@ def model_description(
 
 
 def build_description(exported: CProject, files: Sequence[str]) -> str:
-    """The text of sources/buildDescription.xml of FMI 3.0."""
+    """Return the text of sources/buildDescription.xml of FMI 3.0."""
     root = Element("fmiBuildDescription", fmiVersion="3.0")
     how = SubElement(root, "BuildConfiguration", modelIdentifier=exported.prefix)
     sources = SubElement(how, "SourceFileSet", language="C99", compilerOptions="-O2 -ffp-contract=off")

@@ -1,4 +1,4 @@
-"""Golden samples: inputs of a step and its answers in Python, for the tests of the exported C."""
+"""Golden samples: inputs of a guarded step and its results in Python, for the tests of the exported C code."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
 
 INSIDE = 0.95
-"""Largest error of a random sample, relative to its bound."""
+"""Largest tracking error of a random sample, relative to its bound."""
 
 BAD_NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200, 5e-324, -1e-310)
-"""Numbers that no sensor should deliver."""
+"""Numbers that no sensor should deliver: not finite, huge or denormal."""
 
 AT_ONCE = 100
-"""Samples answered by one call."""
+"""Number of samples that one call of the compiled step processes."""
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 QUICKLY = {"xla_backend_optimization_level": 0}
-"""A few hundred samples need no fast code, whose compilation takes four times as long."""
+"""XLA options without optimisation: compilation is four times as fast, and a few hundred samples need no fast code."""
 
 
 def _compiled_quickly(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -57,13 +57,15 @@ class StepSample(eqx.Module):
 def random_samples(
     guard: GuardedStep, trajectory: AbstractMotion, period: float, t1: float, count: int, *, seed: int
 ) -> StepSample:
-    """Draw samples, with the sample as first axis.
+    """Draw random samples near a motion, inside the law's envelope; all arrays have the sample as first axis.
 
+    - `trajectory`: the motion.
     - `period`, `t1`: sample time, and end of the motion [s].
+    - `count`: number of samples.
     """
     keys = jax.random.split(jax.random.key(seed), count)
     first, drawn = _drawn(guard, trajectory, jnp.asarray(period), jnp.asarray(t1), keys)
-    # Most have gone through the law for one sample.
+    # Most samples have the memory after one step of the law, the others its initial memory.
     older = np.random.default_rng(seed).random(count) < 0.8
     memory = jax.tree.map(
         lambda a, b: jnp.where(older.reshape(-1, *[1] * (a.ndim - 1)), a, b),
@@ -74,10 +76,10 @@ def random_samples(
 
 
 def answer(guard: GuardedStep, samples: StepSample) -> tuple[Command, Status]:
-    """Return the command and the status of every sample, computed one after the other as in a run."""
+    """Return the step's command and status for each sample, computed one sample at a time as in a run."""
     count = len(samples.t)
     arrays = jax.tree.map(np.asarray, samples)
-    # Pieces of one size and one dtype, so that the long step is compiled once.
+    # All calls have the same size and dtypes, so that the step, which is long, is compiled only once.
     guard = jax.tree.map(lambda x: jnp.asarray(x, x.dtype), guard)
     pieces = []
     for first in range(0, count, AT_ONCE):
@@ -99,7 +101,7 @@ def _answered(guard: GuardedStep, samples: StepSample) -> tuple[Command, Status]
 def _drawn(
     guard: GuardedStep, trajectory: AbstractMotion, period: Scalar, t1: Scalar, keys: Array
 ) -> tuple[StepSample, StepSample]:
-    """Two consecutive samples for each key, both with the memory before the first."""
+    """Return two consecutive samples for each key, both with the memory before the first."""
 
     def two(key: Array) -> tuple[StepSample, StepSample]:
         keys = jax.random.split(key, 4)
@@ -109,7 +111,7 @@ def _drawn(
         share = jax.random.uniform(keys[1], (n,), minval=-1.0, maxval=1.0)
         error = _inside(guard, t, before, share)
         rate = jax.random.normal(keys[2], (n,)) * 10.0 ** jax.random.uniform(keys[3], (), minval=-3.0, maxval=1.0)
-        # Near its bounds the error decreases, by less than its own size: the next one is inside too.
+        # Near its bounds the error decreases, and by less than its own size, so that the next error is inside too.
         rate = jnp.where(jnp.abs(share) > 0.5, -jnp.sign(error) * jnp.abs(rate), rate)
         fastest = 0.2 * jnp.abs(error) / (jnp.abs(share) * period)
         rate = jnp.clip(rate, -fastest, fastest)
@@ -123,7 +125,10 @@ def _drawn(
 
 
 def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) -> Vector:
-    """An error at a share of the way to the bounds; without an envelope the way is half a radian or metre."""
+    """Return an error inside the envelope; without an envelope, within 0.5 rad or 0.5 m.
+
+    - `share`: error relative to its bound, in [-1, 1] [n].
+    """
     side = State(q=reference.q + 1e-6 * jnp.sign(share), dq=reference.dq)
     envelope = guard.envelope(t, guard.init(t, side, reference))
     if envelope is None:
@@ -132,7 +137,7 @@ def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) 
 
 
 def with_bad_numbers(samples: StepSample) -> StepSample:
-    """Return the samples, each with one bad number: not finite, huge or denormal."""
+    """Return the samples with one number of each replaced by one of `BAD_NUMBERS`."""
 
     def places(sample: StepSample) -> list[Any]:
         return [sample.t, sample.state.q, sample.state.dq, sample.now.q, sample.following.dq]
@@ -152,8 +157,8 @@ class Recording:
     """Samples of a closed loop, each array with the sample as first axis.
 
     - `samples`: the step's inputs.
-    - `tau`: the torque commanded [k n]; an actuator may have delivered another one.
-    - `status`: status of each sample.
+    - `tau`: commanded torque [k n]; an actuator may deliver another torque.
+    - `status`: status of each sample [k].
     """
 
     samples: StepSample
@@ -162,7 +167,7 @@ class Recording:
 
 
 class _Recorded(AbstractController):
-    """A guarded step that logs its inputs and answers."""
+    """A guarded step that logs its inputs, command and status as signals."""
 
     guard: GuardedStep
 
@@ -187,7 +192,7 @@ class _Recorded(AbstractController):
 
 
 def record_closed_loop(scenario: Scenario, guard: GuardedStep, t1: float | None = None) -> Recording:
-    """Run a scenario's closed loop until `t1` [s] and record the step's inputs and answers."""
+    """Simulate a scenario's closed loop until `t1` [s] and record the step's inputs, commands and statuses."""
     run = simulate(
         scenario.plant,
         _Recorded(guard),
@@ -211,29 +216,33 @@ def record_closed_loop(scenario: Scenario, guard: GuardedStep, t1: float | None 
 
 
 OF_A_RUN, RANDOM, BAD = 200, 200, 100
-"""Number of samples of each kind."""
+"""Number of golden samples from a closed loop, of random samples, and of samples with a bad number."""
 
 TOLERANCE = {"double": 1e-12, "float": 1e-6}
-"""Between Python and C, relative to the size of the compared quantity."""
+"""Largest difference between Python and C, relative to the size of the compared quantity, by number type."""
 
 PERTURBATIONS = 4
+"""Number of random changes of the inputs' last digits that determine the sensitivity of a result."""
+
 SLACK = 30.0
-"""Tolerance of results that depend on the inputs' last digits: this multiple of their sensitivity."""
+"""Tolerance of a result, relative to its change with the inputs' last digits."""
 
 LOOSE, NO_MATTER = 0.1, 1e30
-"""Tolerances for a law that searches with looser tolerances in floats: for its torque in a run, and all else.
+"""Tolerances for a law whose search has looser tolerances in floats.
 
-Outside its envelope such a law gives other answers in floats, since it keeps a larger distance to the edge.
+The first is the relative tolerance of its torque in a closed loop, the second that of all other results. Outside its
+envelope such a law computes other torques in floats, since it keeps a larger distance from the envelope.
 """
 
 
 @dataclass(frozen=True)
 class GoldenSamples:
-    """Samples with their answers.
+    """Samples with the step's results.
 
-    - `rows`: for each sample the numbers of the measurement, the reference, the memory before, the command and the
-      memory after, each a list in the order of the members.
-    - `within`: for each sample, the tolerance of each member of the command, and of the memory.
+    - `rows`: for each sample, the numbers of five structures: measurement, reference, memory before the step, command
+      and memory after it. Each structure is a list in the order of its members.
+    - `statuses`: status of each sample.
+    - `within`: for each sample, the tolerance of each member of the command, and of each member of the memory.
     """
 
     rows: list[list[list[Any]]]
@@ -242,10 +251,12 @@ class GoldenSamples:
 
 
 def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> GoldenSamples:
-    """Answers of a step to samples of its scenario's closed loop, to random ones and to bad ones.
+    """Return golden samples from the scenario's closed loop, from random states, and with bad numbers.
 
-    - `real`: "double", or "float" for a program that computes in floats.
-    - `same`: True if that program has all constants of this one.
+    Samples whose status depends on the inputs' last digits are left out.
+
+    - `real`: number type of the C code, "double" or "float".
+    - `same`: True if the C code has the same constants as the Python step.
     """
     drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
     good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))
@@ -270,7 +281,7 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
         allowed = np.full_like(allowed, NO_MATTER)
         allowed[:OF_A_RUN, 0] = LOOSE * largest_values(command)[:OF_A_RUN, 0]
         firm = [k for k in firm if k < OF_A_RUN or int(status[k]) & HELD]
-    # A command's leaves: the torque, the memory, the signals.
+    # The leaves of a command are the torque, the memory and the signals, in this order.
     kept = len(jax.tree.leaves(command.memory))
     return GoldenSamples(
         rows=[[part[k] for part in rows] for k in firm],
@@ -280,7 +291,7 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
 
 
 def _of_the_run(scenario: Scenario, guard: GuardedStep) -> StepSample:
-    """The first samples of the closed loop, and others spread over all of it."""
+    """Return `OF_A_RUN` samples of the closed loop: a quarter of them from its start, the others evenly spread."""
     samples = record_closed_loop(scenario, guard).samples
     count = len(samples.t)
     first = min(OF_A_RUN // 4, count - 1)
@@ -289,7 +300,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> StepSample:
 
 
 def _rounded(tree: Any) -> Any:
-    """Round to floats, stored as doubles."""
+    """Round the numbers of a tree to floats, stored as doubles."""
     return jax.tree.map(
         lambda x: x.astype(jnp.float32).astype(x.dtype) if jnp.issubdtype(x.dtype, jnp.inexact) else x, tree
     )
@@ -298,9 +309,11 @@ def _rounded(tree: Any) -> Any:
 def sample_sensitivity(
     guard: GuardedStep, samples: StepSample, command: Command, status: Status, last_digit: float
 ) -> tuple[np.ndarray, list[int]]:
-    """Change of each leaf of the command with the inputs' last digit, and the samples whose status does not change.
+    """Return the change of the command with the inputs' last digit, and the samples whose status does not change.
 
-    - `last_digit`: relative to the number.
+    The changes are [samples leaves], one for each leaf of the command; the samples are indices.
+
+    - `last_digit`: size of the last digit, relative to the number.
     """
     rng = np.random.default_rng(3)
 
@@ -321,13 +334,13 @@ def sample_sensitivity(
 
 
 def largest_values(tree: Any) -> np.ndarray:
-    """Largest finite number in each leaf for each sample, by rows; 0 if there is none."""
+    """Return the largest finite absolute value of each leaf [samples leaves]; 0 if there is none."""
     leaves = [np.abs(np.asarray(leaf, float)).reshape(len(leaf), -1) for leaf in jax.tree.leaves(tree)]
     return np.stack([np.where(np.isfinite(leaf), leaf, 0.0).max(1) for leaf in leaves], axis=1)
 
 
 def _numbers(tree: Any) -> list[list[Any]]:
-    """One list per sample: its numbers in the order of the tree's leaves, each leaf a list or a number."""
+    """Return one list per sample: its numbers in the order of the tree's leaves, each leaf a list or a number."""
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
 
     def row(k: int) -> list[Any]:

@@ -1,4 +1,4 @@
-"""Guarded step: the control law with checked inputs, limited torque and a status, as a robot runs it."""
+"""Guarded step: the control law with checked inputs, limited torque and a status, as exports run it on a robot."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
 
 
 def arrays_read(controller: AbstractController) -> frozenset[str]:
-    """Names of the arrays that a law reads, at the start or later: of `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
+    """Return the names of the inputs that a law reads at any sample: `state.q`, `state.dq`, `now.q`, ..., `next.ddq`.
 
-    Raises DefinitionError if there is no native code for it.
+    Raises DefinitionError if there is no native code for the law.
     """
     vector, scalar = jnp.zeros(controller.joints), jnp.zeros(())
     state, reference = State(vector, vector), Reference(vector, vector, vector)
@@ -72,26 +72,26 @@ def arrays_read(controller: AbstractController) -> frozenset[str]:
 
 
 Flags = dict[Condition, Flag]
-"""Conditions of a sample or an answer, with True where they hold."""
+"""Conditions of a sample or of the law's result, each with True if it holds."""
 
 
 class GuardedStep(AbstractController):
-    """A controller behind its guards, which is a controller itself: the exported function can be simulated.
+    """A controller with guards around it. It is a controller itself, so the exported function can be simulated.
 
-    In this order: a bad measurement or reference, a measurement rejected by the gate, or a law without a finite answer
-    holds the last command and the memory; a torque beyond the limits is limited. The law's own arithmetic is unchanged.
-    The first command respects the rate limit, counted from the last command given, or from the gravity torque of the
-    nominal arm if there was none.
+    The guards check first the measurement and the reference, then the measurement's plausibility (the gate), then that
+    the law's torque and memory are finite. If a check fails, the last command and the law's memory are held. Then the
+    torque is limited. The law's own arithmetic is unchanged. The first command respects the rate limit, counted from
+    the last command before the law started, or from the gravity torque of the nominal arm if there was none.
 
     - `controller`: the law.
     - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
-    - `period`: time between two samples [s], > 0; None: the law's own, if it is a sampled-data law.
-    - `limits`: limits of torque and torque rate; None: the law's own, likewise.
-    - `command_limits`: limits of the commands, if the drives have a map; None: those of the torques.
-    - `reads`: inputs that the law reads, such as `now.dq`: all others may be anything.
+    - `period`: time between two samples [s], > 0; None for a sampled-data law, whose own period applies.
+    - `limits`: limits of torque and torque rate; None for a sampled-data law, whose own limits apply.
+    - `command_limits`: limits of the commands, if the drives map commands to torques; None for the torque limits.
+    - `reads`: inputs that the law reads, such as `now.dq`; all other inputs may have any value.
 
-    Signals: those of the law, `rho` if it has an envelope, and `status`; all 0 but `status` while the command is held.
-    A signal that is not finite is 0.
+    The signals are those of the law, `rho` if it has an envelope, and `status`. While the command is held, all signals
+    except `status` and `rejected` are 0. A signal that is not finite is replaced by 0.
     """
 
     controller: AbstractController
@@ -105,11 +105,14 @@ class GuardedStep(AbstractController):
     def around(
         controller: AbstractController, limits: TorqueLimits, period: float, gate: MeasurementGate | None = None
     ) -> GuardedStep:
-        """Put guards around a law; a sampled-data law shares its period, limits and gate with them.
+        """Put guards around a law.
 
-        - `limits`: limits of torque and torque rate; each joint gets its own.
-        - `period`: time between two samples [s].
-        - `gate`: for a law that has none; None: the gate for its nominal arm.
+        A sampled-data law has its own period and gate, which the guards use. `limits` then become the law's limits, or
+        only those of the commands if its drives map commands to torques.
+
+        - `limits`: limits of torque and torque rate, as numbers for all joints or [n].
+        - `period`: time between two samples [s]; not used for a sampled-data law.
+        - `gate`: gate for another law; None for `MeasurementGate.of_arm` of its nominal arm.
         """
         require_sound_law(controller)
         n = controller.joints
@@ -118,7 +121,7 @@ class GuardedStep(AbstractController):
         if isinstance(controller, SampledData):
             own = eqx.tree_at(lambda law: law.gate, controller, _per_joint(controller.gate, n))
             if own.drives is not None:
-                # The law keeps those of the joints' torques.
+                # The law keeps its own limits, which are those of the joints' torques; `wide` limits the commands.
                 return GuardedStep(own, None, None, None, reads, wide)
             return GuardedStep(eqx.tree_at(lambda law: law.limits, own, wide), None, None, None, reads)
         if gate is None:
@@ -132,7 +135,7 @@ class GuardedStep(AbstractController):
         return self.controller.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
-        """Return the memory before the first sample; all zeros, not started, if this sample is bad."""
+        """Return the memory before the first sample; if this sample is bad, all zeros as after a reset."""
         bad = self.checked(t, state, reference, reference)
         nothing = self._nothing(t, state, reference)
 
@@ -152,9 +155,9 @@ class GuardedStep(AbstractController):
     def step(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Status]:
-        """Return the torque at one sample, and the status; the first good sample starts the law.
+        """Return the command at one sample, and the status; the first good sample starts the law.
 
-        - `memory`: from `init` or the last sample; all zeros after a reset.
+        - `memory`: memory from `init`, or from the command of the previous sample; all zeros after a reset.
         """
         bad = _status(self.checked(t, state, reference_now, reference_next))
         begins = (bad == 0) & ~memory.started
@@ -166,14 +169,14 @@ class GuardedStep(AbstractController):
 
         def held() -> tuple[Command, Status]:
             kept, flags = self.held(memory)
-            # A law that cannot start from a good sample has no answer.
+            # If a good sample cannot start the law, its torque or memory is not finite.
             status = jnp.where(bad == 0, jnp.uint32(TORQUE_NOT_FINITE.bit), bad) | _status(flags)
             return Command(tau=kept.tau, memory=kept, signals=_zeros(answered)[0].signals), status
 
         return jax.lax.cond((bad == 0) & memory.started, answered, held)
 
     def checked(self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference) -> Flags:
-        """Return the faults of the inputs."""
+        """Check the inputs that the law reads; return the flags of the conditions in `CHECKED`."""
         measured = [getattr(state, part) for part in ("q", "dq") if f"state.{part}" in self.reads]
         wanted = [
             getattr(reference, part)
@@ -189,11 +192,14 @@ class GuardedStep(AbstractController):
         }
 
     def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
-        """Return the memory before the first good sample; `started` is false if the law cannot start from it."""
+        """Return the memory before the first good sample.
+
+        Its `started` is False if the law's initial memory is not finite.
+        """
         law = self.controller.init(t, state, reference)
         tau, gate = memory.tau, None
         if isinstance(self.controller, SampledData):
-            # Earlier commands count for the rate limit, and still act during the dead time.
+            # Commands before this start count for the rate limit, and still act during the dead time.
             drives = self.controller.drives
             last = memory.tau if drives is None else drives.torque(memory.tau)
             torques = jnp.where(memory.commanded, last, law.torques)
@@ -207,8 +213,8 @@ class GuardedStep(AbstractController):
         return replace(memory, started=started, t=before, tau=tau, outside=jnp.zeros(()), law=law, gate=gate)
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
-        """Return the memory after a step that holds its command, within limits that may have been lowered since."""
-        # Before the first command `tau` is the arm's weight, from which the rate counts.
+        """Return memory and flags after a step that holds the last command, within the current torque limits."""
+        # Before the first command, `tau` is the gravity torque from which the rate limit counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
         stop = memory.stop | (held >= self._part("gate").patience)
@@ -218,9 +224,10 @@ class GuardedStep(AbstractController):
     def answered(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Flags]:
-        """Return the law's own command within the limits, or the last safe one if the law has no finite answer.
+        """Run a law that has started; return the command and the flags of the conditions in `ANSWERED`.
 
-        The law must have started.
+        The command is the law's torque within the limits, or the last safe command if the gate rejects the measurement
+        or the law's torque or memory is not finite.
         """
         period = self._part("period")
         gate, before = memory.gate, memory.law
@@ -239,19 +246,19 @@ class GuardedStep(AbstractController):
             command, accepted = self.controller.gated(t, state, reference_now, reference_next, memory.law)
         law = command.memory_after(period)
 
-        # The arm's weight before the first command.
+        # Before the first command, `memory.tau` is the arm's gravity torque.
         held = self._within(memory.tau)
         tau = self._limits(command.tau, held, period)
         if isinstance(self.controller, SampledData):
-            # Its own memory has the torque from which its first command is limited.
+            # The law itself limits the rate of its first command, from the torques in its own memory.
             tau = jnp.where(memory.commanded, tau, self._within(command.tau))
         limited = jnp.any(tau != command.tau)
         if isinstance(self.controller, SampledData):
-            # It keeps the limits itself, and reports when they act.
+            # The law keeps the limits itself; `planned` is False if they act.
             limited = limited | ~command.memory.planned
         checked, before_law = law, memory.law
         if isinstance(self.controller, SampledData):
-            # The gate keeps the measurement, which is finite, even of a rejected sample.
+            # The gate's memory takes the measurement, which is finite, even from a rejected sample.
             checked = eqx.tree_at(lambda kept: kept.gate, law, None)
             before_law = eqx.tree_at(lambda kept: kept.gate, memory.law, law.gate)
         finite = _finite((command.tau, tau, checked)) | ~accepted
@@ -302,14 +309,17 @@ class GuardedStep(AbstractController):
         return self.controller.envelope(t, memory.law)
 
     def wanted_then(self, reference: Reference) -> Vector:
-        """Reference positions at the time of the measurement [n], as far as the law knows the measurement's age."""
+        """Return the reference positions at the time of the measurement [n].
+
+        They differ from `reference.q` if the law knows that the measurement is older than the dead time.
+        """
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
             return reference.q
         return reference.q - (law.believed_delay - law.dead_time) * law.period * reference.dq
 
     def _nothing(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
-        """The memory after a reset: all zeros."""
+        """Return the memory after a reset, which is all zeros."""
         law = _zeros(lambda: self.controller.init(t, state, reference))
         gate = None if self.gate is None else _zeros(lambda: self._part("gate").init(t, state, self._velocity))
         zero, off = jnp.zeros(()), jnp.zeros((), bool)
@@ -318,11 +328,11 @@ class GuardedStep(AbstractController):
 
     def _within(self, tau: Vector) -> Vector:
         largest = self._limits.torque
-        # Not by `clip`: a limit that is NaN changes nothing.
+        # Not `clip`: with these comparisons a limit that is NaN does not change the torque.
         return jnp.where(tau > largest, largest, jnp.where(tau < -largest, -largest, tau))
 
     def _part(self, name: str) -> Any:
-        """The period, limits or gate: the step's own, or those that it shares with a sampled-data law."""
+        """Return the period, the limits or the gate: the step's own, or that of its sampled-data law."""
         own = getattr(self, name)
         return getattr(self.controller, name) if own is None else own
 
@@ -343,26 +353,26 @@ class GuardedStep(AbstractController):
         return self.controller.step if isinstance(self.controller, SampledData) else self.controller
 
     def _deadline(self) -> Scalar:
-        """Settling time of the envelope [s]: the latest joint's, or 1 s without one."""
+        """Return the longest settling time of the joints' envelopes [s]; 1 s for a law without an envelope."""
         transformation = getattr(self._decides(), "transformation", None)
         deadline = getattr(getattr(transformation, "performance", None), "deadline", None)
         return jnp.ones(()) if deadline is None else jnp.max(deadline)
 
 
 def own_plant(scenario: Scenario) -> Plant:
-    """The plant that slidax itself integrates."""
+    """Return the plant that slidax itself integrates, also for a scenario whose arm MuJoCo simulates."""
     return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
 
 
 def guarded_law(scenario: Scenario) -> GuardedStep:
-    """A scenario's law behind its guards, as in `slidax export`."""
+    """Return a scenario's law with its guards, as `slidax export` writes it."""
     actuator = own_plant(scenario).actuator
     limits = TorqueLimits() if actuator is None else actuator.limits
     return GuardedStep.around(scenario.controller, limits, scenario.period)
 
 
 def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
-    """The gate with a range for each joint."""
+    """Return the gate with one range, speed, acceleration and spread per joint."""
 
     def wide(gate: MeasurementGate) -> list[Any]:
         return [gate.q_max, gate.speed, gate.acceleration, gate.spread]
@@ -371,13 +381,13 @@ def _per_joint(gate: MeasurementGate, joints: int) -> MeasurementGate:
 
 
 def _finite(tree: Memory) -> Flag:
-    """True if all numbers are finite."""
+    """True if all numbers of a tree are finite."""
     flags = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.inexact)]
     return jnp.all(jnp.stack(flags)) if flags else jnp.ones((), bool)
 
 
 def _status(flags: Flags) -> Status:
-    """The bits of the conditions that hold."""
+    """Return the status with the bits of the conditions that hold."""
     status = jnp.uint32(0)
     for condition, is_set in flags.items():
         status = status | jnp.where(is_set, jnp.uint32(condition.bit), jnp.uint32(0))
@@ -385,5 +395,5 @@ def _status(flags: Flags) -> Status:
 
 
 def _zeros(function: Callable[[], Any]) -> Any:
-    """Zeros in the shape of a function's result."""
+    """Return zeros with the structure, shapes and types of a function's result."""
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), eqx.filter_eval_shape(function))

@@ -1,4 +1,4 @@
-"""The sampled loop without a clock, its log, and the replay of a log."""
+"""The sampled loop run sample by sample without real time, its log, and the replay of a log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LockstepResult:
-    """Columns of a loop: one row per answer of the law, and one per tick of the arm."""
+    """Columns of a sampled loop by name: `law` has one row per torque of the law, `arm` one row per tick of the arm."""
 
     channels: Channels
     law: dict[str, np.ndarray]
@@ -32,12 +32,13 @@ class LockstepResult:
 
 
 def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> LockstepResult:
-    """Run the loop sample by sample, in the machine code that a robot would call.
+    """Run a scenario's loop sample by sample, in the machine code of the real-time loop, but without waiting.
 
-    - `transport`: as in `arm_plan`; 1 reproduces two processes without any delay.
+    - `samples`: number of samples.
+    - `transport`: as in `arm_plan`; 1 reproduces the real-time loop of two processes if neither is ever late.
 
-    Raises DefinitionError if the scenario does not allow it or llvmlite is not installed; NoNativeCodeError if there is
-    no machine code for something in it.
+    Raises DefinitionError if the scenario cannot run sample by sample or llvmlite is not installed; NoNativeCodeError
+    if an operation of the scenario has no machine code.
     """
     of_law, of_arm = law_plan(scenario), arm_plan(scenario, transport=transport)
     law = LawSide(of_law.plan, scenario.period)
@@ -64,17 +65,20 @@ def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> Lockste
 
 
 CHUNK = 500
-"""Ticks that are compressed together."""
+"""Number of ticks in a chunk of the log, which is compressed as a whole."""
 
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
-    """The scenario, and the files that it names; changes by `replace` are not in its description."""
+    """Return the attachments of a log: the scenario's description, and the files that it names.
+
+    Changes by `Scenario.replace` are not part of the description.
+    """
     text, files = portable_text(scenario.description)
     return {SCENARIO: text.encode(), **files}
 
 
 def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
-    """Metadata of a log.
+    """Return the metadata of a log.
 
     - `made_by`: "run" or "loop".
     - `seconds`: planned duration.
@@ -91,7 +95,7 @@ def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, s
 
 
 def write_lockstep_log(scenario: Scenario, stepped: LockstepResult, path: Path) -> None:
-    """Write a loop without a clock as an MCAP file, with time 0 as start.
+    """Write the result of `lockstep` as an MCAP file whose times start at 0.
 
     Raises DefinitionError if foxglove-sdk is not installed, OSError if the file cannot be written.
     """
@@ -107,17 +111,17 @@ def write_lockstep_log(scenario: Scenario, stepped: LockstepResult, path: Path) 
 
 
 COMPARED = ("tau", "status")
-"""Columns compared bit by bit."""
+"""Columns that a replay compares bit by bit with the log."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first answer that differs.
+    """The first sample at which log and replay differ.
 
-    - `tick`, `t`: its time [s].
-    - `joint`: joint whose torque differs most, from 0 on; None if only the status differs.
-    - `logged`, `again`: its torque [N m or N].
-    - `status`: the bits in the log, and in the replay.
+    - `tick`, `t`: tick and time of the sample [s].
+    - `joint`: index of the joint whose torque differs most, from 0; None if only the status differs.
+    - `logged`, `again`: torque of this joint in the log, and in the replay [N m or N].
+    - `status`: status bits in the log, and in the replay.
     """
 
     tick: int
@@ -130,13 +134,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """Result of a replay.
+    """Result of a replay. An answer is the law's torque and status at one sample.
 
-    - `answers`, `same`: answers compared, and those with the same bits.
-    - `first`: the first that differs; None if none does.
+    - `answers`: number of compared answers.
+    - `same`: number of answers whose bits are the same in log and replay.
+    - `first`: the first difference; None if there is none.
     - `largest`: largest difference of a torque [N m or N].
-    - `joints`, `bits`: names of joints and status bits.
-    - `unknown`: answers not compared, as they continue from one that is missing in the log.
+    - `joints`, `bits`: names of the joints, and of the status bits.
+    - `unknown`: number of answers that were not compared, since they depend on an answer that the log has lost.
     """
 
     answers: int
@@ -148,7 +153,7 @@ class Replay:
     unknown: int
 
     def sentence(self) -> str:
-        """In words."""
+        """Return the result in words."""
         text = f"{self.same} of {count_noun(self.answers, 'answer')} have the same bits"
         if self.unknown:
             text += f" ({self.unknown} more continue from an answer missing in the log)"
@@ -169,7 +174,7 @@ class Replay:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the result as JSON data."""
         values = asdict(self)
         first = values["first"]
         if first is not None:
@@ -178,10 +183,12 @@ class Replay:
 
 
 def replay(log: SavedLog) -> Replay:
-    """Pass each measurement of a log through the law of its scenario again, from the memory that the law had then.
+    """Run the law of a log's scenario again on each logged measurement, and compare torque and status with the log.
 
-    Raises DefinitionError if the log has no answers, its scenario is invalid or has other signals, or llvmlite is
-    missing.
+    At each sample the law starts from the memory that it had there in the logged run.
+
+    Raises DefinitionError if the log has no row of the law, if its scenario is invalid or has other signals than the
+    log, or if llvmlite is missing.
     """
     scenario = restore(log.scenario, log.files, log.name)
     plan = law_plan(scenario)
@@ -201,7 +208,7 @@ def replay(log: SavedLog) -> Replay:
         known[row] = law.repeat(inputs[row], k, basis)
         again[row] = law.row
     if not known.all():
-        # A lost answer makes all later ones incomparable.
+        # After a lost answer the law's memory is unknown, so all later answers cannot be compared.
         known[int(np.argmin(known)) :] = False
     repeated = plan.columns(again)
     wrong = np.zeros(rows, bool)

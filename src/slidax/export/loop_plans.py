@@ -1,4 +1,4 @@
-"""Machine code and memory layout of a sampled loop: the guarded law, and the simulated arm."""
+"""Machine code and memory layout for the two sides of a sampled loop: the guarded law, and the simulated arm."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class Planner:
     def allocate(self, tree: Any, name: str = "") -> Any:
         """Allocate each array of a tree; return the tree of slots.
 
-        - `tree`: arrays with their initial values, or shapes, which begin as zeros.
-        - `name`: name of the region that they form together; none if empty.
+        - `tree`: arrays with their initial values; or shapes, whose arrays start as zeros.
+        - `name`: name of the region that the arrays form together; empty for a region without a name.
         """
         start = self._size
         placed = jax.tree.map(self._put, tree)
@@ -62,7 +62,7 @@ class Planner:
         return placed
 
     def view(self, name: str, array: Any) -> Slot:
-        """Allocate one array under a name."""
+        """Allocate one array, and name it; return its slot."""
         self._views[name] = slot = self._put(array)
         return slot
 
@@ -82,12 +82,12 @@ class Planner:
         self._routines[name] = MachineCode(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
     def compile(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any) -> None:
-        """Compile a function of trees of arrays, and add its code; arguments as in `code`."""
+        """Compile a function of trees of arrays, and add its code; the other arguments are those of `code`."""
         shapes = jax.tree.map(lambda slot: jax.ShapeDtypeStruct(slot.shape, slot.dtype), inputs, is_leaf=_is_slot)
         self.code(name, kernel(function, *shapes)[0], inputs, outputs)
 
     def plan(self) -> CodePlan:
-        """Return the plan."""
+        """Return the code and the memory of all calls so far."""
         return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
 
     def _put(self, array: Any) -> Slot:
@@ -109,13 +109,13 @@ class Planner:
 def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
     """Compile a function from trees of arrays to a tree of arrays; return the code and the result's shapes.
 
-    Raises NoNativeCodeError if there is no machine code for something in it.
+    Raises NoNativeCodeError if an operation of the function has no machine code.
     """
     shapes: list[Any] = []
 
     def arrays_of(*args: Any) -> Any:
         result = function(*args)
-        # Recorded while tracing, as tracing a law takes seconds.
+        # The shapes are recorded during this trace, since a second trace of a law would take seconds.
         shapes[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), result)]
         return result
 
@@ -128,18 +128,18 @@ def _is_slot(x: Any) -> bool:
 
 
 REFERENCE_COLUMNS = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
-"""Now, and one period later."""
+"""Columns of the reference at a sample, and one period later."""
 
 NUMBER, WHOLE = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
 
 
 @dataclass(frozen=True)
 class LawPlan:
-    """A law, ready to be called sample by sample.
+    """A law, compiled to be called sample by sample.
 
     - `plan`: its code and memory.
-    - `row`: the dtype of a row.
-    - `sample`: the dtype of a row's inputs: time, measurement, reference.
+    - `row`: dtype of a row: inputs, results and times of one sample.
+    - `sample`: dtype of a row's inputs: time, measurement, reference.
     - `channels`: channels of its log.
     """
 
@@ -149,7 +149,10 @@ class LawPlan:
     channels: Channels
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns of rows (bytes, [m length]), by their names in a log."""
+        """Return the columns of rows by their names in a log.
+
+        - `rows`: bytes, one row of `row.itemsize` bytes per sample.
+        """
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         columns = {name: table[name] for name in self.row.names or ()}
         for bit, name in enumerate(self.channels.bits):
@@ -171,10 +174,10 @@ def require_samples(scenario: Scenario) -> None:
 
 
 def law_plan(scenario: Scenario) -> LawPlan:
-    """Compile a scenario's law.
+    """Compile a scenario's law to be called sample by sample.
 
-    Raises DefinitionError if the scenario is not in held mode, or llvmlite is not installed; NoNativeCodeError if there
-    is no machine code for something in the law.
+    Raises DefinitionError if the scenario is not in held mode, or llvmlite is not installed; NoNativeCodeError if an
+    operation of the law has no machine code.
     """
     require_samples(scenario)
     guard = guarded_law(scenario)
@@ -244,7 +247,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
 
 
 def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
-    """The dtype of the region from `first` to `last` as a row."""
+    """Return the dtype of a row, which is the region from the slot `first` to the slot `last`."""
     return np.dtype(
         {
             "names": list(fields),
@@ -264,17 +267,17 @@ def _reference(vector: Any) -> Reference:
 
 
 BRAKES_IN = 0.05
-"""Time constant of the brakes [s]."""
+"""Time constant with which the brakes stop the arm [s]."""
 
 
 @dataclass(frozen=True)
 class ArmPlan:
-    """An arm, ready to be moved tick by tick.
+    """A simulated arm, compiled to be moved tick by tick.
 
     - `plan`: its code and memory.
-    - `row`: the dtype of a row.
-    - `world`: MuJoCo's model and the joints' indices in it; None for slidax's own arm.
-    - `substeps`: MuJoCo's steps in a tick.
+    - `row`: dtype of a row: true state, torque and times of one tick.
+    - `world`: MuJoCo's model, and the joints' position and velocity indices in it; None for slidax's own simulator.
+    - `substeps`: MuJoCo steps per tick.
     """
 
     plan: CodePlan
@@ -283,15 +286,18 @@ class ArmPlan:
     substeps: int
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns of rows (bytes, [m length]), by their names in a log."""
+        """Return the columns of rows by their names in a log.
+
+        - `rows`: bytes, one row of `row.itemsize` bytes per sample.
+        """
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         return {name: table[name] for name in self.row.names or ()}
 
 
 def advance_sensor(sensor: AbstractSensor | None) -> AbstractSensor:
-    """The sensor with one period less delay, for a loop that takes one period to transport a measurement.
+    """Return the sensor with one period less delay, for a loop that takes one period to transport a measurement.
 
-    Raises DefinitionError if its measurements are less than one period old.
+    Raises DefinitionError if the sensor's measurements are less than one period old.
     """
     if isinstance(sensor, Lossy):
         return eqx.tree_at(lambda lossy: lossy.sensor, sensor, advance_sensor(sensor.sensor))
@@ -307,12 +313,13 @@ def advance_sensor(sensor: AbstractSensor | None) -> AbstractSensor:
 
 
 def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
-    """Compile a scenario's arm.
+    """Compile a scenario's arm to be moved tick by tick.
 
-    - `transport`: periods from a measurement to its torque, 0 or 1. With 1 the sensor has one period less delay, and
-      the first measurement is that of the tick before the first.
+    - `transport`: periods from a measurement to the torque that answers it, 0 or 1. With 1 the sensor has one period
+      less delay, and the first measurement is taken one tick before tick 0.
 
-    Raises DefinitionError if the scenario is not in held mode or does not allow it, or llvmlite is not installed.
+    Raises DefinitionError if the scenario is not in held mode, if its plant or sensor is not supported, or if llvmlite
+    is not installed.
     """
     require_samples(scenario)
     plant = scenario.plant
@@ -348,7 +355,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
     def set_(arrays: Any, k: Any, state: State, delivery: Any, tau: Vector, brakes: Any) -> Any:
         plant, _, period = parts(arrays)
-        # Brakes also hold an unknown payload.
+        # Brakes hold the true arm, also with a payload that the law does not know.
         robot = plant.at(k.astype(float) * period)
         stopping = robot.bias(state.q, state.dq) - robot.mass(state.q) @ state.dq / BRAKES_IN
         tau = jnp.where(brakes, stopping, tau)
@@ -415,7 +422,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
 
 def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transport: int) -> tuple[Any, State]:
-    """The sensor's memory after the measurement before the first tick, and that measurement."""
+    """Return the sensor's memory before tick 0, and the measurement with which the loop starts."""
     if sensor is None:
         return (), state
     memory = sensor.init(state)
@@ -426,7 +433,10 @@ def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transpor
 
 
 def _world(plant: MujocoPlant, timestep: float, start: State, until: float) -> tuple[Any, np.ndarray, np.ndarray]:
-    """MuJoCo's model, constant during the run."""
+    """Return MuJoCo's model, and the joints' position and velocity indices in it.
+
+    Raises DefinitionError if the payload changes during the run, since the model is constant.
+    """
     from slidax.simulation.mujoco_model import World
 
     load = plant.load

@@ -1,4 +1,4 @@
-"""Size of an exported step: code size by this machine's compiler, and instructions by its profiler."""
+"""Size of an exported step on this machine: lines, code size from the compiler, and instructions from valgrind."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from .c_project import CProject
 
 STEPS = 200, 700
-"""Steps of the closed loop in two runs; the difference of their counts is the cost of the steps."""
+"""Steps of two closed-loop runs; the difference of their instruction counts is the cost of the additional steps."""
 
 
 class StepSize(NamedTuple):
     """The size of a step.
 
-    - `lines`: lines of its source.
-    - `code`: bytes of code and constants by this machine's compiler with `-O2`; None without one.
-    - `instructions`: average of a step of the closed loop on this machine; None without valgrind.
+    - `lines`: lines of its source file.
+    - `code`: code and constants, compiled on this machine with `-O2` [bytes]; None without a compiler.
+    - `instructions`: average number of instructions per step of the closed loop; None without valgrind.
     """
 
     lines: int
@@ -38,7 +38,7 @@ class StepSize(NamedTuple):
 
 
 def measure_step(exported: CProject, folder: str | Path) -> StepSize:
-    """Measure an exported step in `folder`, as far as this machine has the tools."""
+    """Measure the step of a C project in `folder`; sizes whose tool is missing on this machine are None."""
     folder = Path(folder)
     source = folder / f"{exported.prefix}.c"
     lines = len(source.read_text(encoding="utf-8").splitlines())
@@ -75,7 +75,7 @@ def _instructions(prefix: str, place: str) -> int | None:
 
 
 def _run(command: list[str]) -> str | None:
-    """Output and error output of a command; None if it fails."""
+    """Return the output and error output of a command; None if it fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     except (OSError, subprocess.TimeoutExpired):

@@ -1,4 +1,4 @@
-"""A scenario's law for microcontrollers: Makefile, start-up code, and golden tests in emulators."""
+"""A scenario's law for microcontrollers: C code, Makefile, start-up code, and golden tests in emulators."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 TARGETS = ("m4f", "m7", "rv64", "linux")
 STEPS = 200
-"""Steps of the closed loop over which instructions are counted."""
+"""Steps of the closed loop in the test that counts instructions."""
 
 BARE = ("port.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld")
 FILES = {
@@ -27,7 +27,7 @@ FILES = {
     "scenario.c.j2": "{prefix}_scenario.c",
     **{f"micro/{file}.j2": file for file in ("Makefile", "README.md", "test.c", "hosted.c", *BARE)},
 }
-"""Templates, and the files that they become."""
+"""Output file of each template."""
 
 TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 
@@ -50,7 +50,7 @@ def export_micro(
 
 
 def golden_bytes(exported: CProject) -> bytes:
-    """The golden samples as a small-endian machine stores them, after their number and size."""
+    """Return the golden samples as a little-endian machine stores them, after their number and the size of one."""
     assert exported.golden is not None
     real = "<f4" if exported.real == "float" else "<f8"
     structures = [_structure(members, real) for members in _groups(exported)]
@@ -73,5 +73,5 @@ def _groups(exported: CProject) -> tuple[list[Member], ...]:
 
 
 def _structure(members: list[Member], real: str) -> np.dtype[Any]:
-    """A structure as C lays it out: every number at a multiple of its size."""
+    """Return the dtype of a C structure, in which each number is aligned to a multiple of its size."""
     return np.dtype([(m.name, TYPES.get(m.type, real), (m.size,) if m.shape else ()) for m in members], align=True)

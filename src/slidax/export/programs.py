@@ -1,4 +1,4 @@
-"""Programs of the exported functions: step, envelope, reference motion and arm, in doubles or floats."""
+"""Traced programs of the exported functions: step, envelope, reference motion, stream filter and arm."""
 
 from __future__ import annotations
 
@@ -28,47 +28,51 @@ from .guarded_step import GuardedStep
 from .status import ANSWERED, CHECKED, WAITING, Condition, Flag, StepMemory
 
 LONG = 64
-"""Smallest size of an array that becomes a table in C."""
+"""Smallest number of elements of an array that becomes a table in C."""
 
 CHANGED = ("tau", "held", "stop", "commanded")
-"""Members of the memory that a held command changes."""
+"""Members of the memory that a step with a held command changes."""
 
 SAMPLE = ("", "t", "", "reference", "next")
-"""Names of a step's arguments in comments: parameters, time, state, reference now and next."""
+"""Names of a step's arguments in C comments: parameters, time, state, reference now and one period later."""
 
 
 @dataclass(frozen=True)
 class CArray:
-    """An array in C; `pointer`, such as `parameters->`, leads to its member."""
+    """A variable or structure member in C.
+
+    - `pointer`: C text before the member's name, such as `parameters->`; empty for a variable.
+    - `member`: name, type and shape.
+    """
 
     pointer: str
     member: Member
 
     def element(self, k: int | str) -> str:
-        """C expression of the number at index `k`, a number or an expression."""
+        """Return the C expression of the number at index `k`, which is an integer or a C expression."""
         return f"{self.pointer}{self.member.name}[{k}]" if self.member.shape else f"{self.pointer}{self.member.name}"
 
 
 @dataclass(frozen=True)
 class Function:
-    """A program with an array for each input and output."""
+    """A program, with the C variable or structure member of each input and output."""
 
     program: Program
     inputs: list[CArray]
     outputs: list[CArray]
 
     def read(self, which: int, element: int | str) -> str:
-        """C expression of an input's element."""
+        """Return the C expression of an input's element; `which` is the input's index."""
         return self.inputs[which].element(element)
 
     @property
     def local(self) -> list[str]:
-        """Names of its variables."""
+        """Names of the outputs that are C variables."""
         return [array.member.name for array in self.outputs if not array.pointer]
 
     @property
     def tables(self) -> list[Member]:
-        """The constant arrays that it reads."""
+        """Constant arrays that the program reads."""
         read = {value.data[0] for value in self.program.body.values if value.op == "input"}
         read |= {value.data for value in self.program.walk() if value.op == "load"}
         return [
@@ -79,7 +83,7 @@ class Function:
 
     @property
     def assigned(self) -> list[tuple[str, Value]]:
-        """Each element of an output, with its value."""
+        """C lvalue of each element of all outputs, with its value."""
         return [
             (array.element(k), value)
             for array, output in zip(self.outputs, self.program.outputs, strict=True)
@@ -89,7 +93,7 @@ class Function:
 
 @dataclass(frozen=True)
 class StepPrograms:
-    """All functions of a guarded step.
+    """All traced functions of a guarded step.
 
     - `checked`: function that detects the faults of a sample.
     - `answered`: function that computes the command for a good sample.
@@ -97,7 +101,7 @@ class StepPrograms:
     - `begun`: function that computes the memory at the first good sample.
     - `valid`: function that checks parameters whose ranges depend on other parameters.
     - `parameters`, `memory`, `signals`: members of the structures.
-    - `bounds`: bounds of the numbers of each parameter; None for one that is not a real number.
+    - `bounds`: bounds of the numbers of each parameter; None for integers and booleans.
     """
 
     checked: Function
@@ -181,7 +185,10 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
 
 
 def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
-    """Trace the scenario's reference as a function of time and period; long constant arrays become tables."""
+    """Trace the scenario's reference, now and one period later, as a function of time and period.
+
+    Long constant arrays become tables in C.
+    """
     long, short = _tables(trajectory)
 
     def motion(t: Scalar, period: Scalar, long: Any) -> tuple[Reference, Reference]:
@@ -215,7 +222,7 @@ def arm_program(plant: Plant) -> Function:
 
 
 def stream_program(stream: StreamFilter, joints: int) -> tuple[Function, list[Member], list[Member]]:
-    """Trace the filter of streamed positions; return it with the members of its options and of its state."""
+    """Trace the filter of streamed positions; return its step, and the members of its options and of its state."""
     names = ("bandwidth", "velocity", "acceleration", "jerk", "lower", "upper")
     wide = [jnp.broadcast_to(getattr(stream, name), (joints,)) for name in names]
     stream = eqx.tree_at(lambda part: [getattr(part, name) for name in names], stream, wide)
@@ -261,12 +268,12 @@ def _is_robot(node: Any) -> bool:
 
 
 def _tables(tree: Any) -> tuple[Any, Any]:
-    """Split a tree into its long arrays and the rest."""
+    """Split a tree into its arrays with at least `LONG` elements, and all else."""
     return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
 
 
 def _table_members(long: Any, owner: str) -> list[Member]:
-    """Return one member for each long array, with its values as the content of a table."""
+    """Return one member for each long array, whose values become a table in C."""
     return [
         Member(f"{owner}_table_{k}", ir_type(leaf.dtype, owner), tuple(leaf.shape), values=np.asarray(leaf))
         for k, leaf in enumerate(jax.tree.leaves(long), start=1)
@@ -274,7 +281,7 @@ def _table_members(long: Any, owner: str) -> list[Member]:
 
 
 def measurement(joints: int) -> list[Member]:
-    """The members of a measurement."""
+    """Return the members of a measurement."""
     return [
         Member("t", "f64", (), "time since the start of the motion [s]"),
         Member("q", "f64", (joints,), "positions"),
@@ -283,7 +290,7 @@ def measurement(joints: int) -> list[Member]:
 
 
 def references(joints: int) -> list[Member]:
-    """The members of a reference: now, and one period later."""
+    """Return the members of a reference, now and one period later."""
     words = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
     return [Member(name, "f64", (joints,), f"{word} now") for name, word in words.items()] + [
         Member(f"{name}_next", "f64", (joints,), f"{word} one period later") for name, word in words.items()
@@ -323,14 +330,14 @@ MEANINGS = {
 
 
 def envelope_members(joints: int) -> list[Member]:
-    """The members of the structure that the function fills."""
+    """Return the members of the structure that the function of `envelope_function` fills."""
     return [Member(name, "f64", (joints,), meaning) for name, meaning in MEANINGS.items()]
 
 
 def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None:
-    """From parameters, memory before a step and sample to `envelope->`; None if the law has no envelope.
+    """Trace errors, bounds and margins of the envelope as a function of parameters, memory before a step, and sample.
 
-    Raises DefinitionError if there is no native code for it.
+    Returns None if the law has no envelope. Raises DefinitionError if there is no native code for the envelope.
     """
     t, state, reference = _sample(guard.joints)
     memory = jax.eval_shape(guard.init, t, state, reference)
@@ -354,24 +361,23 @@ def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None
 
 DOUBLE, FLOAT = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 TOLERANCES = (0.1 * DOUBLE, 1e-10)
-"""A constant in this range is a tolerance: no robot gain is that small, and guards against division by zero are far
-smaller.
-"""
+"""Range of constants that are tolerances: gains are larger, and guards against division by zero are far smaller."""
 
 ULPS = 16.0
-"""Largest tolerance in units in the last place, which a search meets easily."""
+"""Largest tolerance in floats, in units in the last place; a search meets this tolerance easily."""
 
 FEWEST = 4.0
-"""Smallest tolerance in units in the last place; below it, rounding of a sum of some terms cannot meet it."""
+"""Smallest tolerance in floats, in units in the last place; the rounding of a sum would exceed a smaller one."""
 
 NEXT_TO_ONE = 4.0 * FLOAT
+"""Distance from 1 in floats for constants that are next to 1 in doubles."""
 
 
 def with_float_constants(program: Program) -> Program:
-    """Return the program with constants that mean in floats what they mean in doubles.
+    """Return the program with constants for floats instead of doubles.
 
-    Tolerances become as many units in the last place, at least 4 and at most 16, so that a search that is to meet them
-    ends. A number next to one, which keeps a logarithm finite, stays next to one.
+    A tolerance keeps its size in units in the last place, but at least 4 and at most 16, so that a search can meet it.
+    A number next to 1, which keeps a logarithm finite, stays different from 1.
     """
 
     def replaced(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
@@ -387,7 +393,7 @@ def with_float_constants(program: Program) -> Program:
 
 
 def has_float_constants(program: Program) -> bool:
-    """True if all constants of a program for doubles mean the same in floats."""
+    """True if `with_float_constants` changes no constant of a program for doubles."""
     return all(
         float_constant(value.data) == value.data
         for value in program.walk()
@@ -396,7 +402,7 @@ def has_float_constants(program: Program) -> bool:
 
 
 def float_constant(number: float) -> float:
-    """Return a constant for floats from one for doubles."""
+    """Return the constant for floats that replaces a constant for doubles."""
     size = abs(number)
     if TOLERANCES[0] < size < TOLERANCES[1]:
         return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))

@@ -1,4 +1,4 @@
-"""The loop in real time: law and arm in processes of their own, timing statistics, and a log."""
+"""The sampled loop in real time: law and simulated arm in separate processes, timing statistics, and a log."""
 
 from __future__ import annotations
 
@@ -32,26 +32,28 @@ TIMES = {
     "measurement to command": "response",
     "row into the ring": "logged",
 }
-"""Measured times [s] by their titles: columns of the law and of the arm."""
+"""Columns of law and arm with measured times [s], by their titles."""
 
 SHARES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 
 
 @dataclass(frozen=True)
 class LoopResult:
-    """Result of a loop.
+    """Result of a real-time loop.
 
-    - `period`: between two ticks [s].
-    - `ticks`, `answers`: of the arm, and of the law.
+    - `period`: time between two ticks [s].
+    - `ticks`: number of ticks of the arm.
+    - `answers`: number of samples at which the law computed a torque.
     - `times`: measured times [s], by title.
-    - `law`, `arm`: the sides' reports; None for a side that was killed.
-    - `outside`: ticks at which a joint was at or outside its envelope before the arm braked; None without an envelope.
-    - `margin`: smallest distance to the envelope as a share of its width, for each joint.
-    - `statuses`: number of answers with each bit.
-    - `recorder`: processor time of the recorder per tick [s].
-    - `size`: size of the log [bytes]; None without one.
-    - `lost`: rows lost by the recorder.
-    - `hogs`: additional processes.
+    - `law`, `arm`: reports of the two processes; None for a process that was killed.
+    - `outside`: number of ticks at which a joint was at or outside its envelope before the arm braked; None without an
+      envelope.
+    - `margin`: smallest distance from the envelope's bounds as a share of its width, for each joint; None without one.
+    - `statuses`: number of the law's answers with each status bit, by name.
+    - `recorder`: CPU time of the recorder per tick [s].
+    - `size`: size of the log [bytes]; None without a log.
+    - `lost`: number of rows that the recorder lost.
+    - `hogs`: number of additional processes that only used CPU time.
     """
 
     period: float
@@ -70,7 +72,7 @@ class LoopResult:
 
     @property
     def reason(self) -> str:
-        """Why the loop ended."""
+        """Reason for which the loop ended; "done" or "stopped" if no fault ended it."""
         if self.law is None:
             return "the law's process was killed, and the arm braked"
         if self.arm is None:
@@ -84,16 +86,16 @@ class LoopResult:
 
     @property
     def good(self) -> bool:
-        """True if it reached its end inside its envelope."""
+        """True if the loop ended without a fault and no joint left its envelope."""
         return self.reason in ("done", "stopped") and not self.outside
 
     @property
     def held(self) -> int:
-        """Ticks at which no command arrived in time and the last torque was held."""
+        """Number of ticks at which no command arrived in time, so that the arm held the last torque."""
         return 0 if self.arm is None else self.arm.counts["held"]
 
     def percentiles(self) -> dict[str, dict[str, float]]:
-        """Percentiles of each time [s]."""
+        """Return the percentiles of each measured time [s], by title and percentile."""
         return {
             name: {share: float(np.percentile(values, at)) for share, at in SHARES.items()}
             for name, values in self.times.items()
@@ -101,7 +103,7 @@ class LoopResult:
         }
 
     def not_granted(self) -> list[str]:
-        """Real-time properties that the system refused, with remedies."""
+        """Return sentences about the real-time properties that the system refused, with remedies."""
         granted = [side.granted for side in (self.law, self.arm) if side is not None]
         refusals = []
         if any(each.priority is None for each in granted):
@@ -119,7 +121,7 @@ class LoopResult:
         return refusals
 
     def as_json(self) -> dict[str, Any]:
-        """For programs; times in us."""
+        """Return the result as JSON data; latencies in µs."""
         arm = {} if self.arm is None else self.arm.counts
         sides = {"law": self.law, "arm": self.arm}
         return {
@@ -159,8 +161,9 @@ class LoopResult:
 class LoopRecorder:
     """Recorder of a loop's rows.
 
-    - `period`: between two ticks [s].
-    - `spent`: processor time used [s].
+    - `law`, `arm`: plans of the two processes, with the layouts of their rows.
+    - `period`: time between two ticks [s].
+    - `spent`: CPU time that recording has used [s].
     """
 
     law: LawPlan
@@ -170,7 +173,7 @@ class LoopRecorder:
     _kept: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def add(self, law: np.ndarray, arm: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Record rows of both sides, as bytes, and return their columns by name."""
+        """Record rows of law and arm, which are bytes, and return their columns by name."""
         of_law, of_arm = self.law.columns(law), self.arm.columns(arm)
         bounds = ("lower", "upper") if self.law.channels.bounded else ()
         for columns, names in (
@@ -184,7 +187,7 @@ class LoopRecorder:
     def result(
         self, law: SideReport | None, arm: SideReport | None, lost: int, size: int | None, hogs: int
     ) -> LoopResult:
-        """Return the result, from the reports of both sides and counts as in `LoopResult`."""
+        """Return the result of all recorded rows; the arguments are fields of `LoopResult`."""
         whole = {name: np.concatenate(parts) for name, parts in self._kept.items()}
         outside, margin = self._judged(whole)
         bits = self.law.channels.bits
@@ -207,9 +210,9 @@ class LoopRecorder:
         )
 
     def _judged(self, whole: dict[str, np.ndarray]) -> tuple[int | None, list[float] | None]:
-        """Ticks outside the envelope, and margins, by the true error.
+        """Return the number of ticks outside the envelope and the margin of each joint, both from the true error.
 
-        The bounds are interpolated where the law gave no answer.
+        The envelope's bounds are interpolated at ticks for which the law computed no torque.
         """
         if not self.law.channels.bounded or not len(whole["k"]):
             return None, None
@@ -227,16 +230,16 @@ if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
 
 CHUNK, LOOK = 0.5, 0.05
-"""Interval at which rows are read from the rings and written as a chunk, and the same with live data [s]."""
+"""Interval at which the recorder reads the rings and writes a chunk, and its reading interval with live data [s]."""
 
 PHASE = 0.1
-"""Wake-up of the law after a tick, as a share of the period; its measurement has usually arrived by then."""
+"""Time from a tick to the law's wake-up, relative to the period; the measurement has usually arrived by then."""
 
 LEAD = 100_000_000
-"""From the start signal to tick 0 [ns]."""
+"""Time from the start signal to tick 0 [ns]."""
 
 LAW_FIRST, ARM_FIRST = 80, 81
-"""Real-time priorities; the arm's is higher, as a robot's own computer does not wait for ours."""
+"""Real-time priorities of law and arm. The arm's is higher, since a robot's own computer does not wait for the law."""
 
 
 def run_loop(
@@ -247,22 +250,22 @@ def run_loop(
     patience: int = 20,
     hogs: int = 0,
 ) -> LoopResult:
-    """Run a scenario in real time from its start to its `t1`, or until a side stops.
+    """Run a scenario in real time from its start to its `t1`, or until the process of the law or the arm ends.
 
     - `scenario`: scenario in held mode, with measurements that are at least one period old.
-    - `log`: an MCAP file; None for none.
-    - `port`: port of a local Foxglove server; None for none.
+    - `log`: MCAP file for the log; None for no log.
+    - `port`: port of a local Foxglove server; None for no server.
     - `patience`: ticks without a command until the arm brakes, and without a measurement until the law ends.
-    - `hogs`: additional processes that only burn time.
+    - `hogs`: number of additional processes that only use CPU time.
 
-    Raises DefinitionError if the scenario does not allow it or a package is missing, OSError if the log cannot be
+    Raises DefinitionError if the scenario cannot run in real time or a package is missing, OSError if the log cannot be
     written.
     """
     if os.name != "posix":
         raise DefinitionError("a real-time loop needs a POSIX system such as Linux; use `slidax run` elsewhere")
     if log is not None and log.suffix != ".mcap":
         raise DefinitionError(f"the log of a loop must end in .mcap; got `{log.name}`")
-    # The arm first, as it is more likely to be refused.
+    # The arm comes first, since it is more likely to be rejected than the law.
     of_arm, of_law = arm_plan(scenario, transport=1), law_plan(scenario)
     ticks = round(scenario.t1 / scenario.period)
     lengths = _lengths(of_law, of_arm)
@@ -322,7 +325,7 @@ def _record(
     writer: LogWriter | None,
     pause: float,
 ) -> None:
-    """Read rows and write them until both sides have ended."""
+    """Read rows of law and arm, and write them to the log, until both processes have ended."""
     flushed = time.monotonic()
     while True:
         over = all(side.poll() is not None for side in sides)
@@ -341,7 +344,7 @@ def _record(
 
 
 def _lengths(law: LawPlan, arm: ArmPlan) -> tuple[int, int, int, int]:
-    """Bytes of a measurement, a command, and a row of each side."""
+    """Return the lengths of a measurement, a command, a row of the law and a row of the arm [bytes]."""
     start, end = law.plan.regions["measured"]
     first, last = law.plan.regions["tau"]
     return 24 + end - start, 8 + last - first, law.row.itemsize, arm.row.itemsize
@@ -356,7 +359,7 @@ def _places(lengths: tuple[int, int, int, int]) -> MemoryLayout:
         Ring.size(arm_row, KEPT_ROWS),
         16,
     )
-    # Separate pages, so that one side's writes do not slow the other's reads.
+    # Separate pages, so that writes of one process do not slow reads of the other one.
     ends = np.cumsum([-(-size // 4096) * 4096 for size in sizes]).tolist()
     return MemoryLayout(0, *ends)
 
@@ -367,7 +370,7 @@ def _started(name: str, descriptor: int, job: LoopJob) -> AbstractContextManager
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         pass_fds=[descriptor],
-        # Ctrl-C goes to this process alone, which stops the others.
+        # Ctrl-C interrupts only this process, which then stops the others.
         start_new_session=True,
     )
     assert side.stdin is not None
@@ -394,11 +397,11 @@ def _wait_for(sides: list[subprocess.Popen[bytes]]) -> None:
     for side in sides:
         output = _output(side)
         if output.readline() != b"ready\n":
-            raise DefinitionError("a side of the loop did not start; see its output above")
+            raise DefinitionError("the process of the law or the arm did not start; see its output above")
 
 
 def _report(side: subprocess.Popen[bytes]) -> SideReport | None:
-    """A side's report; None if it was killed."""
+    """Return the report of a process; None if the process was killed."""
     report = _output(side).read()
     if side.wait() or not report:
         return None

@@ -1,4 +1,4 @@
-"""Law, limits and programs for a robot; Franka and Universal Robots exports."""
+"""Exports for robots: law, limits and programs; the exports for Franka and Universal Robots arms."""
 
 from __future__ import annotations
 
@@ -41,8 +41,10 @@ from .programs import torque_program
 class Reason:
     """Reason for the end of a motion.
 
-    - `name`: as in C, without its prefix.
-    - `stops`: True if the control ends at once; otherwise the arm comes to rest along its path.
+    - `name`: its name in C, without the prefix.
+    - `meaning`: the reason in words.
+    - `stops`: True if the control ends at once; False if the arm first comes to rest along its path.
+    - `remedy`: advice to the user.
     """
 
     name: str
@@ -104,26 +106,27 @@ REASONS = (
     ),
     Reason("VOID", "the law's guarantee has been void for too long", False, "See `assumption_violated` for the cause."),
 )
-"""All reasons, by their numbers."""
+"""All reasons; the index of a reason is its number in C."""
 
 
 LEAST = 0.1
-"""Smallest share of a joint's torque that is left to the law."""
+"""Smallest share of a joint's torque limit that the law gets, however large the gravity torque is."""
 
 RATE_SHARE = 0.99
-"""Share of the torque rate that the law uses, so that rounding causes no violation."""
+"""Share of the torque rate limit that the law uses, so that rounding does not violate the limit."""
 
 LOOKS = 200
-"""Times along the motion at which the gravity torque is evaluated."""
+"""Number of times along the motion at which the gravity torque is evaluated."""
 
 
 def weight_by_robot(scenario: Scenario) -> Scenario:
-    """Return the loop for a robot that adds its own gravity torque: law and arm are weightless.
+    """Return the scenario for a robot that compensates gravity itself: without gravity in the law and in the arm.
 
-    The law's nominal arm has gravity 0, so that its command contains none; errors of the robot's gravity compensation
-    act as a disturbance. Of each joint's torque the law gets what the weight leaves along the motion.
+    The law's nominal arm has gravity 0, so that the command contains no gravity torque. Errors of the robot's gravity
+    compensation act as a disturbance. Each joint's torque limit is reduced by the largest gravity torque along the
+    motion.
 
-    Raises DefinitionError if the arm is not `Articulated`.
+    Raises DefinitionError if the arm is not `Articulated`, or if the drives map commands to torques.
     """
     plant = own_plant(scenario)
     arms = [each for each in jax.tree.leaves(scenario.controller, is_leaf=_is_arm) if _is_arm(each)]
@@ -134,8 +137,7 @@ def weight_by_robot(scenario: Scenario) -> Scenario:
         )
     if plant.actuator is not None and plant.actuator.map is not None:
         raise DefinitionError(
-            "a robot that compensates its own gravity adds torques behind the map of its drives: leave `actuator.map` "
-            "out"
+            "a robot that compensates its own gravity adds its torques after the drives' map: leave out `actuator.map`"
         )
     limits = _limits(plant)
     weight = np.abs(_weights(scenario, arms[0] if arms else plant.robot)).max(axis=0)
@@ -162,7 +164,7 @@ def _weightless(tree: Any) -> Any:
 
 
 def _limits(plant: Plant) -> TorqueLimits:
-    """Limits of the scenario's drives, within those of the arm's data sheet."""
+    """Return the torque limits of the scenario's drives, or those of the arm's data sheet where these are lower."""
     own = TorqueLimits() if plant.actuator is None else plant.actuator.limits
     assert isinstance(plant.robot, Articulated)
     sheet = plant.robot.limits
@@ -170,42 +172,49 @@ def _limits(plant: Plant) -> TorqueLimits:
 
 
 def _weights(scenario: Scenario, arm: Articulated) -> np.ndarray:
-    """Gravity torques along the motion and at its start, by rows."""
+    """Return the gravity torques at times along the motion and at the initial posture, [times n], N m or N."""
     moments = jnp.linspace(0.0, scenario.t1, LOOKS)
     postures = jax.vmap(lambda t: scenario.trajectory.reference(t).q)(moments)
     return np.asarray(jax.vmap(arm.gravity)(jnp.concatenate([postures, scenario.state0.q[None]])))
 
 
 MARGIN = {"rad": 0.03, "m": 0.005}
-"""Distance kept from the end of a joint's range."""
+"""Distance that a joint must keep from the ends of its range, by unit."""
 
 ERRORS = {"rad": (0.02, 0.05, 0.1), "m": (0.005, 0.01, 0.02)}
-"""Largest errors while the arm holds, while the motion is small, and later."""
+"""Largest errors while the arm holds its posture, while the motion is small, and later, by unit."""
 
 HOLDING = 0.1
-"""Largest torque to hold a posture whose weight the robot carries, as a share of a joint's largest torque."""
+"""Largest torque of the law to hold a posture while the robot compensates gravity, relative to the torque limit."""
 
 SPEED = 0.95
-"""Share of a joint's largest speed that is used."""
+"""Share of a joint's speed limit that a motion may use."""
 
 SHARE = 0.9
-"""Share of a joint's largest torque that an external trajectory may need; the law needs the rest."""
+"""Share of a joint's torque limit that an external trajectory may use; the remainder is for the law's feedback."""
 
 
 @dataclass(frozen=True)
 class RobotLimits:
-    """Data for the templates in addition to the project.
+    """Limits of a robot and of its motions: data for the templates in addition to the exported law.
 
-    - `unit`, `torque_unit`: of the first joint.
-    - `lower`, `upper`, `speed`, `torque`, `rate`: the robot's limits, one number per joint.
-    - `torque_hold`: largest torques while it holds, per joint; infinite where the law carries the weight.
-    - `error_hold`, `error_small`, `error_full`: largest errors, per joint.
+    - `unit`, `torque_unit`: units of the first joint.
+    - `lower`, `upper`, `speed`, `torque`, `rate`: limits of position, speed, torque and torque rate, per joint.
+    - `torque_hold`: largest torques while the arm holds its posture, per joint; infinite unless the robot compensates
+      gravity.
+    - `error_hold`, `error_small`, `error_full`: largest errors while the arm holds its posture, while the motion is
+      small, and later, per joint.
     - `acceleration`: largest accelerations of an external trajectory, per joint.
-    - `share`: share of the torque that an external trajectory may need.
-    - `held`, `lost`, `outside`, `limited`, `void`: longest duration of each condition, in periods.
+    - `share`: share of the torque limit that an external trajectory may use.
+    - `dialect`: number type of the C code.
+    - `held`: most consecutive periods with a held command; after more the control ends at once.
+    - `lost`: number of periods between two samples at which the control ends at once.
+    - `outside`, `limited`, `void`: most consecutive periods outside the envelope, at the torque limit, and with a void
+      guarantee; after more the arm comes to rest.
     - `age`: age of a measurement when it arrives [s].
-    - `carried`: True if the robot carries its own weight.
-    - `torque_lines`, `torque_helpers`, `torque_tables`: the nominal arm's torque in C.
+    - `carried`: True if the robot compensates gravity.
+    - `torque_lines`, `torque_helpers`, `torque_tables`: body, helper functions and tables of the C function for the
+      nominal arm's torque.
     """
 
     unit: str
@@ -237,10 +246,10 @@ class RobotLimits:
 
     @classmethod
     def of(cls, scenario: Scenario, project: CProject, *, lost: int = 20, carried: bool = False) -> RobotLimits:
-        """Limits of the scenario's arm and drives.
+        """Return the limits for a scenario, from the arm's data sheet and the drives' limits.
 
-        - `lost`: periods without a sample that end a motion.
-        - `carried`: True if the robot carries its own weight.
+        - `lost`: number of periods between two samples at which the control ends.
+        - `carried`: True if the robot compensates gravity.
         """
         plant = own_plant(scenario)
         n = len(project.joints)
@@ -302,7 +311,7 @@ class RobotLimits:
 
 
 def _numbers(values: np.ndarray) -> list[float]:
-    # A few digits are enough for a limit, and are easier to read.
+    # Six digits are enough for a limit, and easier to read.
     return [float(f"{value:.6g}") for value in np.asarray(values, float).tolist()]
 
 
@@ -311,21 +320,22 @@ def _periods(seconds: float, period: float) -> int:
 
 
 SOURCES = ("path", "follow", "pilot", "admit", "words")
-"""C sources of the pilot, each with the law's prefix."""
+"""C sources of the pilot, without the law's prefix and the file extension."""
 
 C_FILES = (*(f"{name}.c" for name in SOURCES), "path.h", "follow.h", "pilot.h", "admit.h")
-"""Files in C, each with the law's prefix."""
+"""C sources and headers of the pilot, without the law's prefix."""
 
 
 @dataclass(frozen=True)
 class RobotTarget:
-    """A robot that takes torques from an exported law, and carries its own weight.
+    """A robot that takes torques from an exported law, and compensates gravity itself.
 
     - `name`: name in messages, with its article.
     - `joints`, `period`: number of joints, and sample time [s].
-    - `lost`: missing samples in a row that end a motion.
-    - `folder`, `files`: templates, and the files that they become.
-    - `program`: entry point of the Python program that becomes `program.py`.
+    - `lost`: number of periods between two samples at which the control ends.
+    - `folder`: folder of the templates.
+    - `files`: output file of each template.
+    - `program`: a function of the module that is copied as `program.py`.
     """
 
     name: str
@@ -349,10 +359,12 @@ def export_robot(
 ) -> CProject:
     """Write a robot's programs and the law that they run.
 
+    - `target`: the robot.
     - `name`, `single`, `command`: as in `export_c`.
     - `golden`: include the tests and golden samples, which take most of the time.
 
-    Raises DefinitionError if the scenario has another number of joints or another period, or cannot be exported.
+    Raises DefinitionError if the scenario's number of joints or sample time differs from the robot's, or if the
+    scenario cannot be exported.
     """
     joints = scenario.state0.q.size
     if joints != target.joints:
@@ -379,12 +391,14 @@ def write_onboard(
     sources: Sequence[str] = (),
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write reference, checks and their Python binding to `out`; the step is already in its folder `law`.
+    """Write the pilot to `out`: reference path and checks in C, and their Python binding.
 
-    - `programs`: more Python programs by file name, each by a function or class of its module.
+    The exported step must already be in the folder `law` of `out`.
+
+    - `programs`: additional Python programs by file name; a function or class stands for its module.
     - `names`: joint names, for programs that address joints by name.
-    - `sources`: more C sources, each with its header, without the law's prefix.
-    - `more`: more values for `law.json`.
+    - `sources`: names of additional C sources that have a header each, without the law's prefix.
+    - `more`: additional values for `law.json`.
 
     Raises DefinitionError if the folder cannot be written.
     """
@@ -404,7 +418,7 @@ def write_onboard(
 
 
 def standalone_source(part: Any) -> str:
-    """Source of the module that defines `part`, with package imports replaced by imports from the same folder."""
+    """Return the source of the module that defines `part`, with imports from its own folder instead of the package."""
     text = inspect.getsource(sys.modules[part.__module__])
     return re.sub(r"^from (?:\.+|slidax\.)[\w.]*?(\w+) import", r"from \1 import", text, flags=re.MULTILINE)
 

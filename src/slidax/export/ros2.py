@@ -28,7 +28,7 @@ from .robots import RobotLimits, weight_by_robot, write_onboard
 Floats = NDArray[np.float64]
 
 KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vector", "nominal_armature")
-"""Settable parameters of the nominal arm; the others describe the arm itself and keep their compiled values."""
+"""Parameters of the nominal arm that ROS can set; the others describe the arm itself and keep their exported values."""
 
 
 STOPPED = 0.05
@@ -37,13 +37,14 @@ STOPPED = 0.05
 
 @dataclass(frozen=True)
 class RosParameter:
-    """One parameter.
+    """One parameter of the controller, as `generate_parameter_library` declares it.
 
     - `name`: such as `law.surface_k1`.
-    - `type`, `checks`: of the parameter library, each check with its arguments.
-    - `default`: as written in YAML.
+    - `type`: type of the parameter library, such as `double_array`.
+    - `checks`: validators of the parameter library, each with its arguments.
+    - `default`: default as YAML text.
     - `meaning`: meaning with unit and range.
-    - `member`: member of the law's parameters; None for other parameters.
+    - `member`: member of the law's parameters in C; None for other parameters.
     """
 
     name: str
@@ -57,66 +58,68 @@ class RosParameter:
 def ros_parameters(
     project: CProject, allowed: RobotLimits, joint_names: Sequence[str], guaranteed: Floats | None = None
 ) -> list[RosParameter]:
-    """All parameters of the controller.
+    """Return all parameters of the controller.
 
-    - `guaranteed`: largest guaranteed error of a goal [n]; None without the admission of motions.
+    - `allowed`: limits of the robot.
+    - `joint_names`: joint names of the hardware interfaces, in the law's order.
+    - `guaranteed`: default of the largest guaranteed error of a goal [n]; None without the admission of motions.
     """
     n = len(joint_names)
     rows = [
-        RosParameter("joints", "string_array", as_list(map(as_text, joint_names)), "names, in the law's order"),
-        RosParameter("state_topic", "string", '"~/state"', "where signals, errors and status are published"),
-        RosParameter("trajectory_topic", "string", '"~/joint_trajectory"', "where trajectories come from"),
+        RosParameter("joints", "string_array", as_list(map(as_text, joint_names)), "joint names, in the law's order"),
+        RosParameter("state_topic", "string", '"~/state"', "topic to which signals, errors and status are published"),
+        RosParameter("trajectory_topic", "string", '"~/joint_trajectory"', "topic of the received trajectories"),
         *(
             [
                 RosParameter(
-                    "positions_topic", "string", '"~/positions"', "where a host streams positions, in the law's order"
+                    "positions_topic", "string", '"~/positions"', "topic of streamed positions, in the law's order"
                 )
             ]
             if project.stream
             else []
         ),
-        RosParameter("hold", "double", "1.0", "initial hold of the measured posture, s", (("gt_eq<>", "[0.0]"),)),
+        RosParameter("hold", "double", "1.0", "initial hold at the measured posture, s", (("gt_eq<>", "[0.0]"),)),
         RosParameter("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
-        RosParameter("retime", "bool", "false", "slow down a goal that breaks a limit, instead of refusing it"),
-        RosParameter("slowest", "double", "10.0", "largest factor of slowing down", (("gt_eq<>", "[1.0]"),)),
-        RosParameter("goal_time", "double", "1.0", "longest wait at the goal, s", (("gt_eq<>", "[0.0]"),)),
+        RosParameter("retime", "bool", "false", "slow down a goal that exceeds a limit, instead of rejecting it"),
+        RosParameter("slowest", "double", "10.0", "largest factor of slowing a goal down", (("gt_eq<>", "[1.0]"),)),
+        RosParameter("goal_time", "double", "1.0", "longest wait for a goal's tolerances, s", (("gt_eq<>", "[0.0]"),)),
     ]
     size = (("fixed_size<>", f"[{n}]"),)
     for name, default, meaning in (
-        ("path", np.zeros(n), f"largest errors along a goal's path, {allowed.unit}, 0 for none but limits.error_full"),
-        ("goal", allowed.error_hold, f"largest errors at a goal, {allowed.unit}, 0 for none"),
-        ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {allowed.unit}/s, 0 for none"),
+        ("path", np.zeros(n), f"largest errors along a goal's path, {allowed.unit}; 0: only limits.error_full applies"),
+        ("goal", allowed.error_hold, f"largest errors at a goal, {allowed.unit}; 0: no limit"),
+        ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {allowed.unit}/s; 0: no limit"),
     ):
         rows.append(RosParameter(f"tolerances.{name}", "double_array", as_list(map(_number, default)), meaning, size))
     q, tau = allowed.unit, allowed.torque_unit
     for name, meaning in (
-        ("lower", f"least positions, {q}"),
+        ("lower", f"smallest positions, {q}"),
         ("upper", f"largest positions, {q}"),
         ("speed", f"largest speeds, {q}/s"),
         ("torque", f"largest torques of a command, {tau}"),
         ("rate", f"fastest change of a command, {tau}/s"),
-        ("torque_hold", f"largest torques while it holds, {tau}"),
-        ("error_hold", f"largest errors while it holds, {q}"),
-        ("error_full", f"largest errors later, {q}"),
+        ("torque_hold", f"largest torques while the arm first holds its posture, {tau}"),
+        ("error_hold", f"largest errors while the arm first holds its posture, {q}"),
+        ("error_full", f"largest errors afterwards, {q}"),
         ("acceleration", f"largest accelerations of a trajectory, {q}/s^2"),
     ):
         # Infinite limits become a large number that no robot reaches.
         numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
         rows.append(RosParameter(f"limits.{name}", "double_array", as_list(numbers), meaning, size))
     share = ("gt<>", "[0.0]"), ("lt_eq<>", "[1.0]")
-    meaning = "share of the torque that a trajectory may need; the law needs the rest"
+    meaning = "share of the torque limits that a trajectory may use; the remainder is for the law"
     rows.append(RosParameter("limits.torque_share", "double", _number(allowed.share), meaning, share))
     for name, number, meaning in (
-        ("held", allowed.held, "periods in a row without a good sample, then it stops"),
-        ("lost", allowed.lost, "periods between two samples, then it stops"),
-        ("outside", allowed.outside, "periods in a row outside the law's envelope, then it comes to rest"),
-        ("limited", allowed.limited, "periods in a row with a limited torque, then it comes to rest"),
+        ("held", allowed.held, "most consecutive periods without a good sample, then the control stops"),
+        ("lost", allowed.lost, "number of periods between two samples at which the control stops"),
+        ("outside", allowed.outside, "most consecutive periods outside the envelope, then the arm comes to rest"),
+        ("limited", allowed.limited, "most consecutive periods with a limited torque, then the arm comes to rest"),
     ):
         rows.append(RosParameter(f"limits.{name}", "int", str(number), meaning, (("gt<>", "[0]"),)))
     if guaranteed is not None:
-        meaning = f"largest guaranteed errors of a goal, {allowed.unit}, 0 for any"
+        meaning = f"largest error bounds with which a goal is accepted, {allowed.unit}; 0: any bound"
         rows += [
-            RosParameter("guarantee.required", "bool", "true", "take only goals inside the guarantee of the law"),
+            RosParameter("guarantee.required", "bool", "true", "accept only goals inside the guarantee of the law"),
             RosParameter("guarantee.error", "double_array", as_list(map(_number, guaranteed)), meaning, size),
             RosParameter("guarantee.assume_steps", "bool", "false", "without a proof of the torque's rate limit"),
         ]
@@ -124,9 +127,9 @@ def ros_parameters(
 
 
 def yaml(namespace: str, rows: Sequence[RosParameter]) -> str:
-    """The file of the parameter library.
+    """Return the text of the parameter library's YAML file.
 
-    - `namespace`: namespace of the C++ code that it makes.
+    - `namespace`: namespace of the C++ code that the library generates.
     - `rows`: the parameters.
     """
     lines = [f"{namespace}:"]
@@ -167,7 +170,7 @@ def _of_the_law(member: Member) -> RosParameter:
 
 
 def _checks(meaning: str, *, vector: bool) -> tuple[tuple[str, str], ...]:
-    """The range at the end of a meaning, if its bounds are numbers."""
+    """Return the validators for the range at the end of a meaning; none unless the bounds are numbers."""
     low = re.search(r", (>=?) (-?[\d.e-]+)(?:, infinite for no limit)?$", meaning)
     if low is not None:
         sign, bound = low.groups()
@@ -188,12 +191,12 @@ def _number(value: Any) -> str:
 
 
 def as_list(texts: Iterable[str]) -> str:
-    """A list in YAML."""
+    """Return a YAML list of texts."""
     return f"[{', '.join(texts)}]"
 
 
 def as_text(text: str) -> str:
-    """A one-line text in YAML; double quotation marks become single ones."""
+    """Return a one-line text as a quoted YAML string; double quotation marks become single ones."""
     return '"' + text.replace("\\", "\\\\").replace('"', "'") + '"'
 
 
@@ -207,7 +210,7 @@ FILES = {
     "ros2/control.launch.py.j2": "launch/control.launch.py",
     "ros2/README.md.j2": "README.md",
 }
-"""Templates, and the files that they become."""
+"""Output file of each template."""
 
 
 def export_ros2(
@@ -226,18 +229,18 @@ def export_ros2(
     Trajectories arrive by the action `FollowJointTrajectory` or a topic; the scenario's motion is not used.
 
     - `name`, `single`, `command`: as in `export_c`.
-    - `gravity`: "law" if the law carries the arm's weight, "robot" if the robot adds it to each effort.
+    - `gravity`: "law" if the law compensates gravity, "robot" if the robot adds its gravity torque to each effort.
     - `golden`: include the tests and golden samples, which take most of the time.
-    - `admission`: take only goals inside the guarantee of the law (`slidax admit`).
+    - `admission`: accept only goals inside the guarantee of the law (`slidax admit`).
 
-    Raises DefinitionError if the scenario cannot be exported, or no bound covers its law.
+    Raises DefinitionError if the scenario cannot be exported. With `admission`, also if no error bound covers its law.
     """
     if gravity not in ("law", "robot"):
         raise DefinitionError(f'`gravity` must be "law" or "robot"; got "{gravity}"')
     carried = gravity == "robot"
     if admission and carried:
         raise DefinitionError(
-            'the guarantee is of a law that carries the weight: set `gravity` to "law" (--gravity law)'
+            'the guarantee covers only a law that compensates gravity itself: set `gravity` to "law" (--gravity law)'
         )
     fitted = weight_by_robot(scenario) if carried else scenario
     exported = export_c(fitted, out / "law", name=name, single=single, command=command, golden=golden)
@@ -271,7 +274,7 @@ def export_ros2(
 
 
 def interface_names(joints: Sequence[str]) -> list[str]:
-    """Joint names of the hardware's interfaces: those of the robot's file; `joint 1` becomes `joint_1`.
+    """Return the joint names of the hardware interfaces: those of the robot's file; `joint 1` becomes `joint_1`.
 
     Raises DefinitionError for a name that a ROS 2 parameter file cannot hold.
     """

@@ -1,4 +1,4 @@
-"""Status bits of a guarded step, and the memory it keeps between samples."""
+"""Status bits of a guarded step, and the memory that the step keeps between samples."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from slidax.law.sampled.gate import GateMemory
 class Condition:
     """One bit of the status.
 
-    - `name`: as in C, without its prefix.
+    - `name`: its name in C, without the prefix.
     - `bit`: its value, a power of two.
     - `meaning`: the condition that sets it.
-    - `held`: True if the command is then the last safe one, and the memory unchanged.
+    - `held`: True if the step then repeats the last safe command and does not change the law's memory.
+    - `remedy`: advice to the user.
     """
 
     name: str
@@ -120,7 +121,7 @@ PARAMETERS_INVALID = Condition(
 )
 
 CHECKED = (MEASUREMENT_NOT_FINITE, MEASUREMENT_OUT_OF_RANGE, REFERENCE_NOT_FINITE)
-"""Faults of a sample that are detected before the law computes."""
+"""Conditions of a sample that are checked before the law runs."""
 
 ANSWERED = (
     TORQUE_NOT_FINITE,
@@ -132,20 +133,20 @@ ANSWERED = (
     STOP_REQUESTED,
     RECOVERY_OVERDUE,
 )
-"""Conditions that the answer to a sample can report."""
+"""Conditions that a step can report after the law has run."""
 
 WAITING = (STOP_REQUESTED,)
-"""Conditions that a held command can report in addition to the sample's fault."""
+"""Conditions that a step with a held command can report in addition to the fault of the sample."""
 
 CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
-"""All conditions, by their bits."""
+"""All conditions, in the order of their bits."""
 
 HELD = sum(condition.bit for condition in CONDITIONS if condition.held)
-"""Bits that hold the last safe command."""
+"""All status bits with which the step holds the last safe command."""
 
 
 Status = UInt32[Array, "..."]
-"""Bits of a `Condition`; 0 if all is well."""
+"""Status: the sum of the bits of all conditions that hold; 0 if there is none."""
 
 Flag = Bool[Array, ""]
 
@@ -154,14 +155,14 @@ class StepMemory(eqx.Module):
     """Memory of the step between two samples.
 
     - `started`: True once a good measurement has arrived after the reset.
-    - `commanded`: True once a command has been given after the reset, also the 0 of a bad sample.
+    - `commanded`: True once a step has returned a command after the reset, even the 0 of a bad sample.
     - `t`: time stamp of the last good sample [s].
     - `tau`: the last safe command [n], N m or N; 0 before the first.
-    - `held`: consecutive steps whose command was held.
+    - `held`: number of consecutive steps whose command was held.
     - `stop`: True once the step has requested a stop; stays so until the reset.
-    - `outside`: time for which a joint has been outside the envelope without a break [s].
+    - `outside`: time for which a joint has been outside the envelope without interruption [s].
     - `law`: memory of the law.
-    - `gate`: memory of the gate; None for a sampled-data law, which has its own.
+    - `gate`: memory of the gate; None for a sampled-data law, which has its own gate.
     """
 
     started: Flag

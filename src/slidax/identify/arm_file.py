@@ -1,4 +1,4 @@
-"""The file of an identified arm, with the set that contains the true arm."""
+"""YAML file of an identified arm, with the set that contains the true arm."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .identified_arm import EstimatedParameter, Identification
 from .regressor import PAIRS
 
 NOT_OF_ARM = ("offset", "asymmetry", "stribeck", "ripple")
-"""Drive parameters that no arm's description has."""
+"""First words of the drive parameters that have no key in an arm's description."""
 
 DIGITS = 9
 """Significant digits in the file: with fewer, rounding could make a body physically inconsistent."""
@@ -26,13 +26,13 @@ DIGITS = 9
 def write_arm(identification: Identification, robot: Mapping[str, Any], path: str | Path) -> None:
     """Write the identified arm to a file that `robot: {kind: identified, file: ...}` reads.
 
-    `robot` has the arm's description as in scenario files, with the identified parameters. `uncertainty` has the set
-    that contains the true arm with the band's confidence or, for an arm without a band, the standard error of each
-    parameter. `torque_offset`, `torque_asymmetry`, `torque_stribeck` and `torque_ripple_N_cos` have the terms that no
-    arm description has.
+    The section `robot` is the arm's description as in scenario files, with the identified parameters. The section
+    `uncertainty` is the set that contains the true arm with the band's confidence. For an arm without a band it lists
+    the standard error of each parameter. The sections `torque_offset`, `torque_asymmetry`, `torque_stribeck` and
+    `torque_ripple_N_cos` are the terms that have no key in an arm's description.
 
     - `identification`: the identified arm.
-    - `robot`: the description of the arm as it was known, such as `{"kind": "panda"}`.
+    - `robot`: the arm's description before identification, such as `{"kind": "panda"}`.
     - `path`: the file to write.
 
     Raises DefinitionError if the file cannot be written.
@@ -46,10 +46,10 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
 
 
 def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder: str | Path = Path()) -> str:
-    """The text of the file that `write_arm` writes.
+    """Return the text of the file that `write_arm` writes.
 
     - `identification`, `robot`: as in `write_arm`.
-    - `folder`: the file's folder, to which paths in the description are made relative.
+    - `folder`: the file's folder; paths in the description become relative to it.
     """
     described = {key: value for key, value in robot.items() if key not in ("nominal", "plant")}
     if "file" in described:
@@ -100,7 +100,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _band_lines(band: Band) -> list[str]:
-    """Uncertainty sets that hold simultaneously: the inertial band, and intervals of the friction parameters."""
+    """Lines with sets that hold simultaneously: the band of the inertial parameters, and intervals of friction."""
     lines = [
         f"  # {band}",
         "  robot.plant.inertial:",
@@ -119,7 +119,7 @@ def _band_lines(band: Band) -> list[str]:
 
 def _standard_errors(identification: Identification) -> list[str]:
     return [
-        "  # Standard errors are one sigma; `identifiable: false` means that the log shows it poorly or not.",
+        "  # Standard errors are one sigma; `identifiable: false`: the log determines it poorly or not at all.",
         *(_line(parameter) for parameter in identification.parameters if parameter.path),
     ]
 

@@ -1,4 +1,4 @@
-"""The band of an identified arm: a joint confidence region for all of its parameters."""
+"""The band of an identified arm: a simultaneous confidence region of all its parameters."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from .regressor import (
 )
 
 DRAWS = 1000
-"""Errors drawn from their distribution to find the size of the region."""
+"""Number of errors that are drawn from their distribution to determine the region's size."""
 
 CHUNK = 250
-"""Draws refined at a time."""
+"""Number of drawn errors whose bounds are refined together."""
 
 INTERVALS = ("armature", "coulomb", "viscous")
-"""Drive parameters; the band has an interval for each."""
+"""Drive parameters for which the band has intervals."""
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Joint confidence region of an arm's parameters: all of its statements hold simultaneously with `confidence`.
+    """Simultaneous confidence region of an arm's parameters: with `confidence`, all its bounds hold together.
 
     The true arm is within a relative distance p of the identified one in the sense that
 
@@ -38,7 +38,7 @@ class Band:
 
     as matrix inequalities, with M₀ the mass matrix of the identified arm, payload and rotors included. The region is
     defined by this inequality. `MassBound` proves it for a parameter error, for all q and not only for samples of q.
-    Only base parameters show in a log. The others do not change M, C and G, and p does not depend on them.
+    A log determines only the base parameters. The others do not change M, C and G, and p does not depend on them.
 
     For the torque along a motion the region has a second bound. The errors of the base parameters lie in an ellipsoid,
     and the maximum of Y Δφ over an ellipsoid has a closed form (`torque_error`):
@@ -47,11 +47,12 @@ class Band:
 
     with D the matrix `deviations`. The second bound includes the errors of C and G.
 
-    - `confidence`: joint confidence of all statements, for normally distributed errors with the covariance of the fit.
+    - `confidence`: confidence that all bounds hold together, for normally distributed errors with the fit's covariance.
     - `p`: relative distance in (1).
     - `armature`, `coulomb`, `viscous`: intervals, lower and upper ends [2 n]; empty [2 0] if not identified.
-    - `deviations`: D [r 11n], in the order of `arm_parameters`. All `φ₀ + ξ D` with `|ξ| ≤ 1` are in the ellipsoid.
-    - `links`: True if links were identified; False if they are taken as exact.
+    - `deviations`: D, r deviations of φ that span the ellipsoid [r 11n], each in the order of `arm_parameters`. The
+      ellipsoid is the set of all `φ₀ + ξ D` with `|ξ| ≤ 1`.
+    - `links`: True if links were identified; False if their parameters are taken as exact.
     """
 
     confidence: float
@@ -103,11 +104,12 @@ class EstimateErrors:
 def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
     """Return the band of an identified arm.
 
-    Every statement gets the same individual level: the lowest at which all statements hold simultaneously with
-    `confidence`. The level comes from errors drawn from their distribution, with a fixed seed.
+    Each bound gets the same individual level: the lowest at which all bounds hold together with `confidence`. The level
+    comes from errors drawn from their distribution, with a fixed seed.
 
     - `robot`: the identified arm.
-    - `estimate`: its parameters.
+    - `estimate`: its parameters, with the covariance of their errors.
+    - `confidence`: confidence that all bounds hold together, in (0, 1).
 
     Raises DefinitionError if `MassBound` cannot bound the arm's mass matrix.
     """
@@ -146,7 +148,9 @@ def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float =
 
 
 def arm_parameters(robot: Articulated) -> np.ndarray:
-    """Return the inertial parameters of each body [10n], payload included in its carrier, and rotor inertias [n].
+    """Return the links' inertial parameters, then the rotor inertias, [11n].
+
+    The payload is included in the link that carries it.
 
     - `robot`: an arm.
     """
@@ -217,7 +221,7 @@ def _from_tip(robot: Articulated) -> np.ndarray:
 
 
 def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
-    """Bounds of all errors; at least this share, the largest bounds, are refined."""
+    """Return the bound of each error; at least the given share of them, the largest, is refined."""
     bounds = bound.of(errors, refine=False)
     order = np.argsort(-bounds)
     count = int(np.ceil(share * len(errors))) + 1
@@ -226,14 +230,17 @@ def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
         own = order[start : start + CHUNK]
         bounds[own] = bound.of(errors[own])
         best = np.sort(np.concatenate([best, bounds[own]]))[-count:]
-        # Refined bounds are not larger than the rough ones, so the remaining ones are smaller than these.
+        # A refined bound is at most its rough bound, so no remaining bound exceeds the refined ones in `best`.
         if start + CHUNK < len(order) and len(best) == count and best[0] >= bounds[order[start + CHUNK]]:
             break
     return bounds
 
 
 def _simultaneous_values(statistics: np.ndarray, confidence: float) -> np.ndarray:
-    """Quantiles of several statistics, at the lowest common level at which all hold simultaneously."""
+    """Return a quantile of each statistic [s], at the lowest common level at which all hold with `confidence`.
+
+    - `statistics`: values of the statistics for each draw [s draws].
+    """
     ordered = np.sort(statistics, axis=1)
     draws = statistics.shape[1]
     for rank in range(int(np.ceil(confidence * draws)) - 1, draws):

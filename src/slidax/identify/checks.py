@@ -33,13 +33,13 @@ from .torque_model import TorqueMatch, TorqueSample, match_torques, rigid_torque
 from .unknowns import Unknowns, mark_moving
 
 DOUBT, COSTS = 0.1, 10.0
-"""Residual, as a share of the torque, and cost of the prior per joint, above which other conventions are tried."""
+"""Other conventions are tried if a residual, as a share of the torque, or the prior's cost per joint exceeds these."""
 
 BETTER = 0.7
-"""Least decrease of the residuals' summed logarithms by another convention; 0.7 is a factor of two."""
+"""Least decrease of the score, a sum of the residuals' logarithms, by another convention; 0.7 is a factor of two."""
 
 SHARE_LEFT = 0.65
-"""Largest share of the score that a convincing convention may leave."""
+"""Largest score that a convincing convention may have, as a share of the score with the present conventions."""
 
 EXPLAINS = 0.6
 """Least share of the torque's power that a convincing convention must explain."""
@@ -51,7 +51,7 @@ LARGEST = 1e8
 """Torque that no arm reaches in any unit, N m."""
 
 ENOUGH = 0.03
-"""No further conventions are tried once one leaves less than this share of the score."""
+"""Share of the present score below which a convention is so good that no further ones are tried."""
 
 
 def require_torques(
@@ -96,7 +96,7 @@ def require_torques(
 
 
 def torque_sample(signals: LogSignals, usable: np.ndarray) -> TorqueSample:
-    """A log at a few times, without the torques of joints that are not used.
+    """Return a log at a few times, without the torques of joints that are not used.
 
     - `usable`: True for joints whose torques are used [n].
     """
@@ -105,9 +105,10 @@ def torque_sample(signals: LogSignals, usable: np.ndarray) -> TorqueSample:
 
 
 def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventions) -> tuple[np.ndarray, list[str]]:
-    """True for each joint whose torque was measured and is used [n]; and warnings.
+    """Return True for each joint whose torque was measured and is used [n], and warnings.
 
-    Raises DefinitionError if the torque of a joint that moves is constant, or all torques are.
+    Raises DefinitionError if a torque is impossibly large, or is constant although the joint moves, or if no torque is
+    left to use.
     """
     largest = np.abs(log.tau).max(axis=0)
     if largest.max() > LARGEST:
@@ -125,9 +126,9 @@ def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventi
     if (constant == usable).all():
         value = "all 0" if not log.tau[:, constant].any() else "constant in each joint"
         raise DefinitionError(
-            f"the torques of {log.source} are {value}: its driver does not measure them, and so nothing can be "
-            "identified from this log; record a log with torques or motor currents (`--torque-scale` takes their "
-            "N m per unit)"
+            f"the torques of {log.source} are {value}: the robot's driver does not measure them, so nothing can be "
+            "identified from this log; record a log with torques or motor currents (`--torque-scale` takes the "
+            "torque in N m per unit of current)"
         )
     travels = np.ptp(log.q, axis=0) > np.array([TRAVEL[unit] for unit in robot.joint_units])
     wrong = [name for name, is_wrong in zip(log.joints, constant & travels, strict=True) if is_wrong]
@@ -135,7 +136,7 @@ def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventi
         listed = " ".join(f"--ignore-torque {name}" for name in wrong)
         raise DefinitionError(
             f"the torque of {log.source} is constant, {log.tau[0, log.joints.index(wrong[0])]:.4g}, for joint "
-            f"`{wrong[0]}`, although the joint moves. Was it measured? `{listed}` leaves it out"
+            f"`{wrong[0]}`, although the joint moves. Was this torque measured? `{listed}` leaves it out"
         )
     return usable & ~constant, [
         f"the torque of {log.source} is constant at standstill, as with a brake: it is left out for "
@@ -146,7 +147,10 @@ def find_usable_torques(log: JointLog, robot: Articulated, conventions: Conventi
 def _repairs(
     robot: Articulated, signals: LogSignals, sample: TorqueSample, match: TorqueMatch, conventions: Conventions
 ) -> list[Repair]:
-    """Other conventions with their matches, cheapest first; stops after one that explains nearly everything."""
+    """Return other conventions with their matches, lowest score first.
+
+    The search ends after the first stage with a convention that explains nearly all of the torque.
+    """
     rigid = rigid_torques(robot, sample.motion)
     stages: tuple[Callable[[], Iterator[Repair]], ...] = (
         lambda: itertools.chain(
@@ -171,19 +175,19 @@ USELESS, POOR = 1.0, 0.2
 """Error of the predicted torque, as a share of the torque's standard deviation, for a refusal and for a warning."""
 
 NOISE_ALONE = 0.6
-"""Share of noise in a torque above which the rest cannot be explained."""
+"""Noise of a torque, as a share of the torque's standard deviation, above which the torque counts as noise alone."""
 
 SMALL = 5e-3
-"""Share of the torque limit below which a torque shows nothing."""
+"""Standard deviation of a torque, as a share of the torque limit, below which the torque counts as noise alone."""
 
 SLUGGISH = 2.0
 """Longest time for a rotor alone to reach its speed limit at the torque limit, in any arm, s."""
 
 SURE = 2.0
-"""Standard errors by which a parameter must be beyond a bound for a refusal."""
+"""Number of standard errors by which a parameter must exceed its bound to be refused."""
 
 CERTAIN = 3.0
-"""Standard errors by which a prediction may miss the torque; all joints must keep this, so that two are too few."""
+"""Number of standard errors by which a prediction may miss the torque. Two are too few, since all joints must pass."""
 
 
 def judge_result(
@@ -197,12 +201,12 @@ def judge_result(
     """Check the identified parameters and the prediction, and return warnings.
 
     - `result`: the identification.
-    - `robot`: the arm as it was known.
+    - `robot`: the arm before identification.
     - `signals`, `unknowns`: the signals and the equation of each log.
     - `fitted`: the fit without physical bounds.
     - `ignored`: for each log, True for joints whose torques were not used [n].
 
-    Raises DefinitionError if no such arm can have a parameter, or the prediction error exceeds the torque.
+    Raises DefinitionError if a parameter is impossible for such an arm, or the prediction error exceeds the torque.
     """
     warnings: list[str] = []
     _judge_parameters(result, robot, warnings)
@@ -221,7 +225,7 @@ def judge_result(
         warnings.append(f"the {shows} {_some(poorly)} poorly: trust the interval, not the value")
     hidden = [f"`{parameter.label}`" for parameter in result.unseen if not parameter.is_poorly_seen]
     if hidden:
-        warnings.append(f"the {does_not} show {_some(hidden)}: the value stays near the prior one")
+        warnings.append(f"the {does_not} show {_some(hidden)}: the value stays near its prior")
     return tuple(warnings)
 
 
@@ -253,7 +257,7 @@ def _judge_prediction(
             continue
         if silent[joint]:
             warnings.append(
-                f"the torque of {fit.log.source} is only noise for joint `{name}`: it shows nothing about its drive"
+                f"the torque of {fit.log.source} is only noise for joint `{name}`: this drive cannot be identified"
             )
             continue
         held_out = fit.held_out_rms[joint] >= fit.fit_rms[joint]
@@ -308,7 +312,7 @@ def _judge_parameters(result: Identification, robot: Articulated, warnings: list
         elif parameter.name == "link.mass":
             bound, rule = (
                 10.0 * max(float(believed[parameter.joint]), 0.02 * total),
-                "this is ten times the file's mass",
+                "this is more than ten times the mass in the arm's file",
             )
         if parameter.value <= bound:
             continue

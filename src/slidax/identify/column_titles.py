@@ -20,7 +20,7 @@ WORDS = {
     "dq": ("dq", "velocity", "vel", "qd", "actual_qd", "joint_velocity", "qdot", "speed"),
     "tau": ("tau", "torque", "effort", "tau_j", "joint_torque", "tau_measured", "measured_torque", "joint_effort"),
 }
-"""Words for a quantity in a title, before or after the joint, the likeliest first; those of libfranka and RTDE too."""
+"""Words for a quantity in a title, before or after the joint, likeliest first; with those of libfranka and RTDE."""
 
 PLURALS = {"positions": "position", "velocities": "velocity", "torques": "torque", "efforts": "effort"}
 """Plural forms that a title may use."""
@@ -35,7 +35,7 @@ UNITS: dict[str, dict[str, float]] = {
     "dq": {"rad/s": 1.0, "rads1": 1.0, "deg/s": pi / 180, "°/s": pi / 180, "m/s": 1.0, "mm/s": 1e-3, "rpm": pi / 30},
     "tau": {"nm": 1.0, "n": 1.0, "mnm": 1e-3, "nmm": 1e-3, "knm": 1e3, "kn": 1e3, "ncm": 1e-2},
 }
-"""Units that a title may name, and their size in s, rad, rad/s or N m."""
+"""Units that a title may name, and the factor from each to s, rad, rad/s or N m (or m, m/s, N)."""
 
 STATES = ("", "state", "robot_state", "joint_states", "joint_state", "measured", "actual", "feedback", "robot0")
 """Prefixes of measured columns, as in `state.q[0]` next to `cmd.q[0]`."""
@@ -95,22 +95,22 @@ class Title:
 def rank_of_state(prefix: str) -> int:
     """Return the rank of a title's prefix: measured states first, commands last.
 
-    - `prefix`: prefix of a title, separated by points.
+    - `prefix`: prefix of a title, its parts separated by points.
     """
     last = prefix.rpartition(".")[2]
     return STATES.index(last) if last in STATES else len(STATES) + is_command(prefix)
 
 
 def is_command(prefix: str) -> bool:
-    """True if a column with this prefix was not measured.
+    """True if a column with this prefix is a command, which was not measured.
 
-    - `prefix`: prefix of a title, separated by points.
+    - `prefix`: prefix of a title, its parts separated by points.
     """
     return prefix.rpartition(".")[2] in COMMANDS
 
 
 def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
-    """Return the size of a column's unit in rad, rad/s or N m, and a note about the conversion.
+    """Return the factor from a column's unit to rad, rad/s or N m (or m, m/s, N), and a note on the conversion.
 
     - `quantity`: `q`, `dq` or `tau`.
     - `source`: name of the table, for messages.
@@ -135,7 +135,7 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
 
 
 def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[float, str]:
-    """Return the size of the time column's unit in s, and a note about the conversion.
+    """Return the factor from the time column's unit to s, and a note on the conversion.
 
     - `titles`: titles of all columns, which may show the tool that wrote them.
     - `source`: name of the table, for messages.
@@ -171,7 +171,7 @@ def match_columns(titles: Sequence[str], joints: Sequence[str], source: str, rea
     - `titles`: titles of the columns, with an optional unit in brackets at the end.
     - `joints`: the arm's joints, in its order.
     - `source`: name of the table, for messages.
-    - `reading`: options that the titles leave open.
+    - `reading`: the user's choices where titles are ambiguous.
 
     Raises DefinitionError if times, a position or a torque is missing, or if titles are ambiguous.
     """
@@ -191,7 +191,7 @@ class _Group:
 
 
 class _Matching:
-    """The titles of one table against the joints of one arm."""
+    """Match of a table's titles with the joints of an arm."""
 
     def __init__(self, titles: Sequence[str], joints: Sequence[str], source: str, reading: ReadOptions) -> None:
         if len(titles) > MOST_COLUMNS:
@@ -246,8 +246,8 @@ class _Matching:
             )
             if not known:
                 raise DefinitionError(
-                    f"`drop` names `{plain_name(word)}`, which is no column or joint of {self.source}; it has "
-                    f"{self._some()}"
+                    f"`drop` names `{plain_name(word)}`, which is no column or joint of {self.source}; the columns "
+                    f"are {self._some()}"
                 )
 
     def _some(self) -> str:
@@ -267,8 +267,8 @@ class _Matching:
             if len(ending) == 1:
                 return ending[0]
         raise DefinitionError(
-            f"{self.source} has no time column: call it `time` [s], or name it (`--columns t=NAME`); "
-            f"it has {self._some()}"
+            f"{self.source} has no time column: rename yours to `time` [s], or give its name (`--columns t=NAME`); "
+            f"the columns are {self._some()}"
         )
 
     def _named_column(self, text: str, quantity: str) -> Title:
@@ -304,7 +304,7 @@ class _Matching:
         if choice is None and is_command(first[1]):
             name = name_of(first)
             if quantity == "dq":
-                self.notes.append(f"`{plain_name(name)}` was not measured: it is left out")
+                self.notes.append(f"`{plain_name(name)}` is a command, not a measurement: it is left out")
                 return None
             raise DefinitionError(
                 f"{self.source} has no measured `{quantity}`, only `{plain_name(name)}`; `--columns {quantity}={name}` "
@@ -320,7 +320,10 @@ class _Matching:
         return self._joint_columns(quantity, groups[first])
 
     def _groups(self, words: Sequence[str], *, positions: bool) -> dict[tuple[int, str], _Group]:
-        """The columns of a quantity, by the index of their word in `words` and by their prefix."""
+        """Return the columns of a quantity; each group's key is the index of its word in `words`, and its prefix.
+
+        - `positions`: True if a joint name without a word is a position; its index is then the number of words.
+        """
         rank = {word: index for index, word in reversed(list(enumerate(words)))}
         for plural, singular in PLURALS.items():
             for text, index in list(rank.items()):
@@ -344,7 +347,11 @@ class _Matching:
         return groups
 
     def _match(self, suffix: str, rank: Mapping[str, int], bare: int | None) -> tuple[int, str | int] | None:
-        """The word's index and the joint's name or number; None if the suffix does not match."""
+        """Return the word's index and the joint's name or number; None if the suffix does not match.
+
+        - `rank`: index of each word.
+        - `bare`: index for a joint name without a word; None if such a title does not match.
+        """
         text = self.fold(suffix)
         lower = suffix.lower()
         if bare is not None and text in self.keys:
@@ -394,7 +401,7 @@ class _Matching:
         if every != list(range(every[0], every[0] + len(every))) or every[0] not in (0, 1):
             raise DefinitionError(
                 f"the columns for `{quantity}` of {self.source} have the numbers {short_repr(every)}: number them from "
-                f"0 or 1 without a gap, or by joint name; or list them, such as `--columns {quantity}=A,B,C`"
+                f"0 or 1 without a gap, use joint names instead, or list them, such as `--columns {quantity}=A,B,C`"
             )
         if len(numbers) > len(self.joints):
             raise DefinitionError(
@@ -424,7 +431,7 @@ class _Matching:
         if choice is not None:
             raise DefinitionError(
                 f"{self.source} has no column `{plain_name(choice)}` for joint `{missing}`: each of the "
-                f"{len(self.joints)} joints needs one, with its number or name; it has {self._some()}"
+                f"{len(self.joints)} joints needs one, with its number or name; the columns are {self._some()}"
             )
         if quantity == "tau" and not known:
             self._refuse_other_torques()
@@ -432,9 +439,9 @@ class _Matching:
         others = [key for group in groups.values() for key in group.named if key not in self.joints]
         near = f"; {nearest_word(missing, list(dict.fromkeys(others))[:50])}" if named and others else ""
         raise DefinitionError(
-            f"{self.source} has no `{quantity}` of joint `{missing}`: call its column `{quantity}_{number}` or "
-            f"`{missing}.{WORDS[quantity][1]}`, or name the columns (`--columns {quantity}=WORD`){remedy}; "
-            f"it has {self._some()}{near}"
+            f"{self.source} has no `{quantity}` of joint `{missing}`: rename its column to `{quantity}_{number}` or "
+            f"`{missing}.{WORDS[quantity][1]}`, or give the titles' word (`--columns {quantity}=WORD`){remedy}; "
+            f"the columns are {self._some()}{near}"
         )
 
     def _refuse_other_torques(self) -> None:

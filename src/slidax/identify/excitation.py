@@ -36,7 +36,8 @@ class Excitation:
     - `t`: times [k], s.
     - `motion`: positions, velocities and accelerations at these times.
     - `share`: largest share that each joint uses of its position range, velocity, acceleration and torque limit [4 n].
-    - `information`: `½ log₂ det(1 + S A S)`, the information in bits that a log of the motion adds to the prior.
+    - `information`: `½ log₂ det(1 + S A S)`, the information in bits that a log of the motion adds to the prior. A is
+      the log's information matrix, S the diagonal matrix of the parameters' prior standard deviations.
     """
 
     joints: tuple[str, ...]
@@ -95,17 +96,17 @@ class FourierSeries:
     harmonics: int
 
     def random(self, rng: np.random.Generator, joints: int) -> np.ndarray:
-        """Random coefficients, [n 2K + 1]: a, b, and an entry that selects the centre of the motion.
+        """Return random coefficients [n 2K + 1]: a, b, and an entry that selects the centre of the motion.
 
         - `joints`: n.
         """
         return rng.normal(size=(joints, 2 * self.harmonics + 1))
 
     def motion(self, coefficients: np.ndarray, points: int) -> JointMotion:
-        """The series and its derivatives at evenly spaced times of one period, each [points n].
+        """Return the series and its derivatives at evenly spaced times of one period, each [points n].
 
-        The coefficients are projected onto `Σ k b_k = 0` and `Σ k² a_k = 0`. They are coefficients of the acceleration,
-        so that all harmonics have accelerations of similar size.
+        The coefficients belong to the acceleration, so that all harmonics have accelerations of similar size. They are
+        projected so that the series fulfils `Σ k b_k = 0` and `Σ k² a_k = 0`.
 
         - `coefficients`: [n 2K + 1].
         - `points`: number of times.
@@ -130,10 +131,10 @@ POINTS = 100
 """Times per period at which the search evaluates torques."""
 
 STARTS, STEPS = 60, 400
-"""Random motions to choose the start from, and random changes of it to try."""
+"""Number of random motions from which the search chooses its start, and of random changes that it then tries."""
 
 TORQUE_SHARE = 0.97
-"""Share of the allowed torque that the search uses: between its times the torque can be slightly larger."""
+"""Share of the allowed torque that the search uses: between its `POINTS` times the torque can be slightly larger."""
 
 NOISE = 0.01
 """Assumed noise of a measured torque, as a share of the joint's torque limit."""
@@ -146,7 +147,7 @@ UNLIMITED_ANGLE, UNLIMITED_SPEED, UNLIMITED_TORQUE = 1.5, 1.5, 50.0
 
 
 class ExcitationSearch:
-    """The information of an excitation motion, and its scaling to the limits.
+    """Random search for the most informative excitation motion within the limits.
 
     - `robot`, `share`, `acceleration`, `center`, `payload`, `links`: as in `excite`.
     """
@@ -184,7 +185,7 @@ class ExcitationSearch:
         self.carried = parameters_of_payload(payload)
 
     def best(self, series: FourierSeries, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-        """The best coefficients of a random search, and their score.
+        """Return the best coefficients of a random search, and their score.
 
         - `series`: the Fourier series.
         """
@@ -206,7 +207,7 @@ class ExcitationSearch:
         return coefficients, best
 
     def scaled_motion(self, series: FourierSeries, coefficients: np.ndarray, points: int) -> JointMotion:
-        """The motion over one period, each joint scaled to its limits.
+        """Return the motion over one period, each joint scaled to its limits.
 
         - `series`, `coefficients`: the shape of the motion.
         - `points`: number of times.
@@ -235,12 +236,12 @@ class ExcitationSearch:
         return JointMotion(middle + factor * shape, factor * speed, factor * change)
 
     def torque_share(self, motion: JointMotion) -> np.ndarray:
-        """Largest torque as a share of the allowed torque, [n]."""
+        """Return each joint's largest torque as a share of the allowed torque, [n]."""
         torque = self._torque(motion)
         return np.abs(torque).max(axis=0) / (self.share * self.torque)
 
     def score(self, motion: JointMotion) -> float:
-        """Bits of information, with a penalty for torques beyond their limits."""
+        """Return the motion's information in bits, less a penalty for torques beyond their limits."""
         n = self.robot.joints
         weigh = max(float(np.sum(self.masses)), 0.1)
         if self.links:
@@ -260,7 +261,7 @@ class ExcitationSearch:
         return float(0.5 * size / np.log(2.0) - 1000.0 * over)
 
     def shares(self, motion: JointMotion) -> np.ndarray:
-        """Largest share of each limit that the motion uses, [4 n]."""
+        """Return the largest share of each limit that the motion uses, [4 n], in the order of `LIMITS`."""
         return np.stack(
             [
                 (motion.q.max(axis=0) - motion.q.min(axis=0)) / (self.upper - self.lower),
@@ -331,7 +332,7 @@ def excite(
     search = ExcitationSearch(robot, share, acceleration, center, payload or robot.payload, links)
     rng = np.random.default_rng(seed)
     series = FourierSeries(duration / 2.0, harmonics)
-    # The same times as in the table, so that the limits hold in each row.
+    # The last scaling uses the times of the table's rows, so that the limits hold in each row.
     rows = max(2, round(duration * rate / 2.0))
     coefficients, best = search.best(series, rng)
     motion = search.scaled_motion(series, coefficients, rows)
@@ -339,7 +340,7 @@ def excite(
     if torque.max() > 1.0 + 1e-9:
         joint = int(np.argmax(torque))
         raise DefinitionError(
-            f"no excitation motion found within the torque limit of joint `{robot.joint_names[joint]}`: the best "
+            f"no excitation motion found within the torque limit of joint `{robot.joint_names[joint]}`: the best one "
             f"takes {torque[joint]:.3g} times the allowed torque; give a `center` where the joint carries less, a "
             "larger `share`, or less payload"
         )

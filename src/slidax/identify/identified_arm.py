@@ -32,7 +32,7 @@ class EstimatedParameter:
     - `unit`: unit of the value.
     - `value`: the estimate.
     - `standard_error`: standard error of the value.
-    - `prior_error`: standard deviation of what was believed before the log.
+    - `prior_error`: standard deviation of the parameter's prior.
     """
 
     name: str
@@ -50,7 +50,7 @@ class EstimatedParameter:
 
     @property
     def is_poorly_seen(self) -> bool:
-        """True if the log shows the parameter, but not much more closely than the prior."""
+        """True if the log determines the parameter, but not much more closely than the prior."""
         return not self.identifiable and self.standard_error < HIDDEN * self.prior_error
 
     @property
@@ -59,7 +59,7 @@ class EstimatedParameter:
         return f"{self.name} of {self.joint}" if self.joint else self.name
 
     def as_text(self) -> tuple[str, str]:
-        """The value and half of its 95 % interval, to the second significant digit of the latter."""
+        """Return the value and half the width of its 95 % interval, rounded to the width's second significant digit."""
         low, high = self.interval()
         half = float(f"{0.5 * (high - low):.1e}")
         if not 1e-7 <= half < np.inf:
@@ -69,7 +69,7 @@ class EstimatedParameter:
         return f"{round(self.value, places) + 0.0:.{places}f}", f"{half:.{places}f}"
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of the true value, if the form of the model is right.
+        """Return both ends of a confidence interval for the true value, if the model has the right form.
 
         - `confidence`: confidence in (0, 1).
         """
@@ -121,8 +121,8 @@ class Identification:
     - `parameters`: each estimated parameter with its standard error.
     - `logs`: each log with its prediction.
     - `condition`: condition number of the weighted regressor relative to the prior, largest gain over smallest.
-    - `unseen_directions`: number of parameter combinations that the log does not show.
-    - `warnings`: sentences on the log, and on parameters that it determines poorly.
+    - `unseen_directions`: number of parameter combinations on which the logs have less information than the prior.
+    - `warnings`: sentences on the logs, and on parameters that they determine poorly.
     - `seconds`: computing time.
     - `estimate`: the estimate of the unknown parameters, and the covariance of its errors.
     """
@@ -157,12 +157,12 @@ class Identification:
         return self._rms("measured_rms")
 
     def _rms(self, name: str) -> np.ndarray:
-        # The square root of the square of one log's number is that number.
+        # For a single log, the square root of the square is exactly the log's own value.
         return np.asarray(np.sqrt(np.mean([getattr(fit, name) ** 2 for fit in self.logs], axis=0)))
 
     @cached_property
     def band(self) -> Band | None:
-        """The band in which the true arm lies; None if some body has no inertia, so that no band can be proved."""
+        """The band that contains the true arm; None if no band can be proved, since some body has no inertia."""
         try:
             return band_of(self.robot, self.estimate)
         except DefinitionError:
@@ -170,7 +170,10 @@ class Identification:
 
     @cached_property
     def actuator_map(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """G of the joints' torques `τ = G τ_log`, and its standard errors, both [n n]; None if it is not identified."""
+        """The map G from the log's torques to the joints' torques, `τ = G τ_log`, and its standard errors, both [n n].
+
+        None if G is not identified.
+        """
         if "gain" not in self.estimate.names:
             return None
         values, errors = np.zeros((2, self.robot.joints, self.robot.joints))
@@ -186,18 +189,18 @@ class Identification:
 
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
-        """The parameters that this log does not determine much more closely than the prior."""
+        """The parameters that the logs do not determine much more closely than the prior."""
         return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
 
     def values(self, name: str) -> np.ndarray:
-        """The values of a parameter for all joints, in the arm's order.
+        """Return the values of a parameter for all joints, in the arm's order.
 
         - `name`: such as `armature`.
         """
         return np.array([parameter.value for parameter in self.parameters if parameter.name == name])
 
     def standard_errors(self, name: str) -> np.ndarray:
-        """The standard errors of a parameter for all joints, in the arm's order.
+        """Return the standard errors of a parameter for all joints, in the arm's order.
 
         - `name`: such as `armature`.
         """
@@ -246,7 +249,7 @@ class Identification:
         lines.append(str(self.band) if self.band else "no band: some body of the arm has no mass or no inertia")
         lines += [f"warning: {sentence}" for sentence in self.warnings]
         if self.unseen_directions:
-            lines.append(f"{self.unseen_directions} combinations of these numbers do not show in {these}")
+            lines.append(f"{self.unseen_directions} combinations of these parameters do not show in {these}")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -257,9 +260,9 @@ def _listed(values: np.ndarray) -> str:
 
 
 IDENTIFIABLE, HIDDEN = 0.1, 0.5
-"""A parameter is identifiable if its standard error is less than the first share of its prior standard deviation.
+"""Two limits of a parameter's standard error, as shares of its prior standard deviation.
 
-Below the second one the log shows it poorly; above it, hardly or not at all.
+Below the first limit the parameter is identifiable. Below the second one it is seen poorly, above it not at all.
 """
 
 UNITS = {
@@ -290,9 +293,9 @@ BODY_PARAMETERS = (
 
 
 def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) -> Articulated:
-    """The arm with its identified parameters.
+    """Return the arm with its identified parameters.
 
-    - `robot`: the arm as it was known.
+    - `robot`: the arm before identification.
     - `theta`: the identified parameters.
     """
     changes: dict[str, Any] = {}
@@ -319,9 +322,9 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
 def estimates_of(
     robot: Articulated, unknowns: Unknowns, fitted: ParameterFit, theta: np.ndarray
 ) -> tuple[EstimatedParameter, ...]:
-    """Each parameter with its standard error, and that of its prior.
+    """Return each parameter with its standard error and the standard deviation of its prior.
 
-    - `robot`: the arm as it was known.
+    - `robot`: the arm before identification.
     - `fitted`: the unconstrained fit, which has the covariance.
     - `theta`: the physically consistent parameters.
     """
@@ -361,7 +364,7 @@ def _body_estimates(
     unknowns: Unknowns,
     own: slice,
 ) -> list[EstimatedParameter]:
-    """Mass, centre and inertia about the centre, with errors propagated from φ to first order."""
+    """Return a body's mass, centre and inertia about the centre, with errors propagated from φ to first order."""
     values = _center_parameters(phi)
     sizes = unknowns.scale[own]
     slopes = np.empty((BODY, BODY))
@@ -395,11 +398,11 @@ def _body_estimates(
 
 
 def gravity_estimates(robot: Articulated, axes: np.ndarray, covariance: np.ndarray) -> tuple[EstimatedParameter, ...]:
-    """The identified gravity in the base frame.
+    """Return the components of the identified gravity vector in the base frame, with their standard errors.
 
     - `robot`: the identified arm.
-    - `axes`: change of gravity per angle about two axes [3 2].
-    - `covariance`: covariance of these angles [2 2], rad².
+    - `axes`: change of gravity per rad of rotation about each of two axes [3 2].
+    - `covariance`: covariance of the two rotation angles [2 2], rad².
     """
     gravity = np.asarray(robot.gravity_vector)
     size = float(np.linalg.norm(gravity))
@@ -421,7 +424,7 @@ def gravity_estimates(robot: Articulated, axes: np.ndarray, covariance: np.ndarr
 
 
 def _center_parameters(phi: np.ndarray) -> np.ndarray:
-    """Mass, centre and inertia about the centre, [10]."""
+    """Return a body's mass, centre and inertia about the centre, [10], from its inertial parameters φ [10]."""
     mass = phi[0] if abs(phi[0]) > 1e-9 else 1e-9
     _, center, inertia = body_of_parameters(np.array([abs(mass), *np.sign(mass) * phi[1:]]))
     return np.array([mass, *center, *(np.sign(mass) * inertia[pair] for pair in PAIRS)])

@@ -28,7 +28,7 @@ from .torque_model import gravity_direction, with_gravity
 from .unknowns import Unknowns, sizes_of, unknowns_of
 
 ROUNDS = 5
-"""Linearisations of the equation about the errors of the instruments."""
+"""Largest number of linearisations of the torque equation about the instruments' errors."""
 
 EXPLAINED = 0.5
 """The band ends where the model leaves more than this share of the torque's power unexplained."""
@@ -60,7 +60,7 @@ def identify(
     The torque is linear in the parameters, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`. So this is weighted
     least squares on signals that all pass the same zero-phase filter, with physically consistent bodies
     (`consistent_parameters`). The prior is very wide: it determines only the parameters that the log does not show, and
-    these are listed by name.
+    warnings name them.
 
     The log is checked against the arm first: its time unit, gaps and velocities, and the sign, scale, joint order and
     gravity of its torques. `Conventions` has the remedies. Several logs of one arm are fitted together, each with its
@@ -70,22 +70,22 @@ def identify(
         identify(["empty.csv", "loaded.csv"], arm, loads=two, links=True, actuator_map="gain")
 
     - `log`: a `JointLog`, or the path of a file that `read_log` reads; or several of them.
-    - `robot`: the arm as it is known; the identified parameters replace its own.
-    - `loads`: for each log, what the tip carries in addition to the arm's own payload, in the tip's frame; `Payload()`
-      for nothing, None if it is unknown. By default there are none.
+    - `robot`: the arm before identification; the identified parameters replace its own.
+    - `loads`: for each log, the load at the tip in addition to the arm's own payload, in the tip's frame; `Payload()`
+      for no load, None for an unknown one. By default no log has a load.
     - `conventions`: the logs' units, signs and joint order, where they differ from the arm's.
     - `rotors`: True to identify rotor inertias; torques measured behind the gears do not show them.
-    - `payload`: True to identify the payload; by default it is identified unless `links` is True, since the last link
-      then contains it.
+    - `payload`: True to identify the payload. By default it is identified unless `links` is True: the identified last
+      link then includes the payload.
     - `links`: True to identify the links' inertial parameters; the prior of a link's mass is the file's value ± 50 %.
     - `asymmetric`: True if viscous friction may differ between the two directions.
     - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
     - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
-    - `encoder_offset`: True if the encoders' zeros are unknown. Gravity shows them, except for a first joint about
-      the vertical, and for a last joint with an unknown payload.
-    - `actuator_map`: `gain` if the torque of each drive is a multiple of the log's, `full` if it is a combination of
-      those of all drives, `τ = G τ_log`. The known masses show the scale of G: with `links`, those of two different
-      known `loads`.
+    - `encoder_offset`: True if the encoders' zeros are unknown. Gravity torques determine them, except for a first
+      joint with a vertical axis and for a last joint with an unknown payload.
+    - `actuator_map`: `gain` if each joint's torque is a multiple of its torque in the log; `full` if it combines all
+      torques in the log, `τ = G τ_log`. Known masses determine the scale of G: those of the links or, with `links`,
+      those of two different known `loads`.
     - `gravity`: True if the direction of gravity is unknown, as for an arm that is mounted at an angle.
     - `cut_off`: cut-off frequency of the filter [Hz]; chosen from the data by default.
     - `held_out`: share at the end of each log that is predicted and not fitted, in (0, 0.9].
@@ -98,7 +98,7 @@ def identify(
     if stribeck is not None and not (np.isfinite(stribeck) and stribeck > 0.0):
         raise DefinitionError(f"`stribeck` must be > 0 rad/s, the Stribeck velocity; got {stribeck:g}")
     if not all(np.isfinite(periods) and periods > 0.0 for periods in ripple) or len(set(ripple)) < len(ripple):
-        raise DefinitionError(f"`ripple` must be different numbers > 0, periods per turn; got {list(ripple)}")
+        raise DefinitionError(f"`ripple` must be different numbers > 0, the periods per turn; got {list(ripple)}")
     conventions = conventions or Conventions()
     logs = [log] if isinstance(log, (JointLog, str, Path)) else list(log)
     if not logs:
@@ -111,9 +111,9 @@ def identify(
         )
     if actuator_map is not None and links and not has_known_difference(loads):
         raise DefinitionError(
-            "`actuator_map` needs known masses: all torques and all masses may have a factor in common, which no log "
-            "shows; leave `links` out, so that the masses in the arm's file give the scale, or take two logs with "
-            "different known loads, such as `--load none --load 2.0@0,0,0.1`"
+            "`actuator_map` needs known masses: no log shows a factor that all torques and all masses have in common; "
+            "leave `links` out, so that the masses in the arm's file set the scale, or take two logs with different "
+            "known loads, such as `--load none --load 2.0@0,0,0.1`"
         )
     if gravity:
         _require_gravity(robot, conventions)
@@ -178,7 +178,7 @@ def identify(
             close = 0.02 * np.sqrt(np.diag(fitted.covariance))[count:]
             if len(before) and (np.abs(theta[count:] - before) < close).all():
                 break
-            # The angles of gravity count from the last estimate.
+            # The angles of gravity start at 0 again, since they are relative to the last estimate.
             before = np.where(np.array(unknowns[0].names)[count:] == "gravity", 0.0, theta[count:])
         robot = instruments.robot(robot)
         for record in records:
@@ -204,7 +204,7 @@ def identify(
             warnings += (
                 f"{record.log.source} fits {ratio[joint]:.2g} times worse with the other logs than alone, most in the "
                 f"torque of joint `{robot.joint_names[joint]}`: the arm, its friction or its load was another one. The "
-                "intervals are widened to the arm of each log; `--load` gives their loads",
+                "intervals are widened to contain each log's own fit; `--load` sets the load of each log",
             )
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
     first = unknowns[0]
@@ -237,16 +237,17 @@ def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
     """Raise a DefinitionError if no log of the arm can show the direction of gravity."""
     if conventions.add_gravity:
         raise DefinitionError(
-            "`gravity` is not in torques to which `add_gravity` adds that of the arm's file: leave one of both out"
+            "`gravity` cannot be identified from torques to which `add_gravity` adds the gravity torques of the arm's "
+            "file: leave one of both out"
         )
     if not np.asarray(robot.gravity_vector).any():
-        raise DefinitionError("`gravity` is 0 in the arm's description: `--gravity 0,0,-9.81` gives its size")
+        raise DefinitionError("`gravity` is 0 in the arm's description: `--gravity 0,0,-9.81` sets its magnitude")
 
 
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
-    """The frequency [Hz] up to which the model explains at least half of the torque's power, in the median joint.
+    """Return the frequency [Hz] up to which the model explains at least half of the torque's power: the joints' median.
 
-    Above it the torque is noise, or an effect that the model lacks, such as elastic gears.
+    At higher frequencies the torque is noise, or an effect that the model lacks, such as elastic gears.
 
     - `unknowns`, `signals`: the equation and the log.
     - `fitted`: parameters of a first fit in a wider band.
@@ -266,7 +267,7 @@ def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit
 
 
 def _inside(unknowns: Unknowns, theta: np.ndarray) -> np.ndarray:
-    """A θ inside the constraints: positive drive parameters, and each body a sphere with its centre at the origin."""
+    """Return a θ inside the constraints: drive parameters are positive, and each body is a sphere about the origin."""
     inside = np.where(unknowns.positive, np.maximum(theta, 1e-3 * unknowns.scale), theta)
     for start in unknowns.bodies:
         mass = max(theta[start], 1e-2 * unknowns.scale[start])

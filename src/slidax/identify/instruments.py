@@ -23,7 +23,7 @@ GAIN, CROSSTALK = 0.3, 0.1
 """Prior standard deviations of a relative error of a gain, and of cross-talk."""
 
 STRANGE = 0.6
-"""Largest entry of an inverse map minus the identity; beyond, torques are in other units, signs or joint order."""
+"""Largest entry of `G⁻¹ - 1` for an actuator map G; a larger one means other units, signs or another joint order."""
 
 MAPS = ("gain", "full")
 """Forms of an actuator map: a gain for each joint, or all entries."""
@@ -36,10 +36,10 @@ STEP = 1e-4
 class Instruments:
     """Offsets of encoders, errors of the torques, and gravity, about which the equation is linearised.
 
-    - `offset`: true positions minus measured ones [n], rad or m; None if they are not unknown.
-    - `error`: E with `τ_log = (1 + E) τ` for the joints' torques τ [n n]; None if it is not unknown.
-    - `full`: True if all entries of E are unknown, False for those of its diagonal.
-    - `gravity`: gravity in the base frame [3], m/s²; None if its direction is not unknown.
+    - `offset`: true positions minus measured ones [n], rad or m; None if the encoders' zeros are known.
+    - `error`: E with `τ_log = (1 + E) τ` for the joints' torques τ [n n]; None if the log has the joints' torques.
+    - `full`: True if all entries of E are unknown, False if only the diagonal is.
+    - `gravity`: gravity in the base frame [3], m/s²; None if its direction is known.
     """
 
     offset: np.ndarray | None
@@ -51,13 +51,13 @@ class Instruments:
     def started(
         cls, joints: int, encoder_offset: bool, actuator_map: str | None, gravity: np.ndarray | None = None
     ) -> Instruments:
-        """Instruments without errors.
+        """Return instruments without errors.
 
         - `encoder_offset`: True if offsets are unknown.
         - `actuator_map`: None, `gain` or `full`.
         - `gravity`: a first estimate of gravity, if its direction is unknown.
 
-        Raises DefinitionError for another form of the map.
+        Raises DefinitionError if the map has another form.
         """
         if actuator_map is not None and actuator_map not in MAPS:
             raise DefinitionError(f"`actuator_map` must be `gain` or `full`; got `{actuator_map}`")
@@ -70,28 +70,28 @@ class Instruments:
 
     @property
     def unknown(self) -> bool:
-        """True if any of them is unknown."""
+        """True if offsets, torque errors or the direction of gravity are unknown."""
         return not (self.offset is None and self.error is None and self.gravity is None)
 
     def robot(self, robot: Articulated) -> Articulated:
-        """The arm in the encoders' positions, and in this gravity."""
+        """Return the arm as a function of the encoders' positions, with this gravity."""
         if self.gravity is not None:
             robot = with_gravity(robot, self.gravity)
         return robot if self.offset is None else robot.with_zero(as_array(self.offset))
 
     def corrected(self, signals: LogSignals) -> LogSignals:
-        """The signals with the joints' torques in place of the log's."""
+        """Return the signals with the joints' torques in place of the log's."""
         if self.error is None:
             return signals
         return replace(signals, tau=np.linalg.solve(np.eye(len(self.error)) + self.error, signals.tau.T).T)
 
     def refined(self, unknowns: Unknowns, theta: np.ndarray, source: str) -> Instruments:
-        """The instruments with the estimates of a fit.
+        """Return the instruments with the estimates of a fit.
 
         - `theta`: the estimate of `unknowns`.
         - `source`: name of the log, for messages.
 
-        Raises DefinitionError if torques differ so much that no drive's gain explains it.
+        Raises DefinitionError if an entry of the torques' error is too large for a drive.
         """
         offset, error, gravity = self.offset, self.error, self.gravity
         names, joints = np.array(unknowns.names), np.array(unknowns.joints)
@@ -104,8 +104,8 @@ class Instruments:
             row, column = np.unravel_index(np.argmax(np.abs(error)), error.shape)
             if abs(error[row, column]) > STRANGE:
                 raise DefinitionError(
-                    f"`actuator_map`: entry {row + 1}, {column + 1} of the torques of {source} per torque of the "
-                    f"joints would be {float(row == column) + error[row, column]:.3g}, too far from "
+                    f"`actuator_map`: the torque of joint {row + 1} in {source} per true torque of joint "
+                    f"{column + 1} would be {float(row == column) + error[row, column]:.3g}, too far from "
                     f"{float(row == column):g} for a drive: check `--torque-scale`, `--torque-sign` and "
                     "`--joint-order` first, without this option"
                 )
@@ -116,13 +116,14 @@ class Instruments:
         return replace(self, offset=offset, error=error, gravity=gravity)
 
     def extended(self, unknowns: Unknowns, robot: Articulated, signals: LogSignals, theta: np.ndarray) -> Unknowns:
-        """The equation with the instruments' errors as unknowns, linearised about these instruments and θ.
+        """Return the equation with the instruments' errors as unknowns, linearised about these instruments and θ.
 
-        With the torques `τ = k + Y θ` of the arm in the encoders' positions, the log has `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ
-        Δγ)`. The angles γ by which gravity turns about two axes count from the last estimate.
+        Let `τ = k + Y θ` be the arm's torques as a function of the encoders' positions. Then the log's torques are
+        `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ Δγ)`, where Δδ is the change of the offsets. The angles γ, by which gravity turns
+        about two axes, are relative to the last estimate.
 
         - `unknowns`: the equation without the instruments' errors.
-        - `robot`: the arm in the encoders' positions.
+        - `robot`: the arm as a function of the encoders' positions.
         - `theta`: the last estimate of `unknowns`.
         """
         n = robot.joints
@@ -171,18 +172,18 @@ class Instruments:
 
 
 def tangent(gravity: np.ndarray) -> np.ndarray:
-    """Change of gravity per angle about each of two axes across it, [3 2].
+    """Return the change of gravity per rad of rotation about each of two axes perpendicular to it, [3 2].
 
     - `gravity`: gravity in the base frame [3], m/s².
     """
-    # Of the base frame's axes, the one most across gravity.
+    # Start from the axis of the base frame that is nearest to perpendicular to gravity.
     across = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
     across *= np.linalg.norm(gravity) / np.linalg.norm(across)
     return np.column_stack([across, np.cross(gravity, across) / np.linalg.norm(gravity)])
 
 
 def _bodies(unknowns: Unknowns, robot: Articulated, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters of the links [10n], and of all that the tip carries in this log [10]."""
+    """Return the parameters of the links [10n], and those of all bodies at the tip in this log together [10]."""
     links, payload = parameters_of_links(robot), unknowns.carried
     for start in unknowns.bodies:
         joint, own = unknowns.joints[start], theta[start : start + BODY]
@@ -194,7 +195,7 @@ def _bodies(unknowns: Unknowns, robot: Articulated, theta: np.ndarray) -> tuple[
 
 
 def _slope(robot: Articulated, motion: JointMotion, links: np.ndarray, payload: np.ndarray) -> np.ndarray:
-    """Derivative of the bodies' torques by the positions, [k n n]."""
+    """Return the derivative of the bodies' torques with respect to the positions, [k n n]."""
     slopes = []
     for joint in range(robot.joints):
         step = STEP * np.eye(robot.joints)[joint]
@@ -206,7 +207,9 @@ def _slope(robot: Articulated, motion: JointMotion, links: np.ndarray, payload: 
 def in_commands(
     unknowns: Sequence[Unknowns], fitted: ParameterFit, theta: np.ndarray
 ) -> tuple[list[Unknowns], ParameterFit, np.ndarray]:
-    """Replace E by the actuator map G = (1 + E)⁻¹ of the joints' torques by those of the logs, with its covariance.
+    """Replace the unknown E by the actuator map `G = (1 + E)⁻¹`, with `τ = G τ_log`, in a fit and its covariance.
+
+    Returns the equations, the fit, and θ.
 
     - `unknowns`: the equation of each log.
     """

@@ -28,7 +28,7 @@ LONGEST_MESSAGE = MEGABYTE
 def log_of_messages(
     source: str, joints: Sequence[str], messages: Iterable[Any], reading: ReadOptions, notes: Sequence[str] = ()
 ) -> JointLog:
-    """Return the log in messages of joint states.
+    """Return the log in joint-state messages.
 
     Joints are matched by name. Messages without any of the arm's joints come from another publisher and are left out;
     velocities that are missing or all zero count as not measured.

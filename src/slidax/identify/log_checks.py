@@ -15,16 +15,16 @@ from slidax.core.errors import DefinitionError
 from .logs import FEWEST, TIME_UNITS, JointLog
 
 SLOWEST, FASTEST = 8.0, 50_000.0
-"""Range of sampling rates [Hz]: below it, no rotor inertia shows; no robot's driver writes faster."""
+"""Range of sampling rates [Hz]: slower logs do not show rotor inertias, and no robot's driver writes faster."""
 
 BRIEFEST = 0.5
 """Shortest duration of a log, s."""
 
 GAP_PERIODS, GAP_SECONDS = 5.0, 0.02
-"""A time without samples is a gap if it is longer than both; shorter ones are interpolated."""
+"""A time without samples is a gap if it exceeds both this number of periods and of seconds; else it is interpolated."""
 
 FROZEN_SAMPLES, FROZEN_SECONDS = 8, 0.05
-"""Torques that follow straight lines for longer than both, while the arm moves, were not measured."""
+"""Torques on straight lines for at least this number of samples and of seconds, in a moving arm, were not measured."""
 
 FAST, USUAL = 4.0, 1.0
 """An implausible and a usual speed, as multiples of a joint's speed limit."""
@@ -33,8 +33,8 @@ STILL = 2e-3
 """Share of the speed limit below which an arm stands still."""
 
 COPIED, SAME = 50, 1e-4
-"""Samples in a row that no other part of the logs may have, and the share of a column's range by which equal values may
-differ, since a copy may have other digits."""
+"""Number of successive samples that must not occur in two parts of the logs, and the resolution of this comparison as a
+share of a column's range, since a copy may have fewer digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class LogPieces:
     """A log whose times increase, cut at its gaps.
 
     - `log`: the samples in order.
-    - `pieces`: rows without a gap between them.
+    - `pieces`: ranges of rows without a gap inside.
     - `warnings`: sentences on samples that were left out.
     """
 
@@ -52,7 +52,7 @@ class LogPieces:
 
 
 def require_no_copies(logs: Sequence[LogPieces]) -> None:
-    """Raise DefinitionError if a stretch of samples stands in two parts of the logs.
+    """Raise DefinitionError if a stretch of samples occurs in two parts of the logs.
 
     Noise that counts twice would halve the variance of every parameter. Samples at rest may be equal.
 
@@ -145,7 +145,7 @@ def require_seconds(log: JointLog, robot: Articulated) -> None:
         )
 
     others = _units_by_velocity(log) or [name for name, unit in TIME_UNITS.items() if name != "s" and is_possible(unit)]
-    facts = f"the times of {log.source} are {duration:.4g} s long with {rate:.3g} samples per second"
+    facts = f"the times of {log.source} span {duration:.4g} s with {rate:.3g} samples per second"
     remedy = " or ".join(f"`--time-unit {name}`" for name in others)
     if not SLOWEST <= rate <= FASTEST or duration < BRIEFEST:
         hint = (
@@ -171,7 +171,7 @@ def require_seconds(log: JointLog, robot: Articulated) -> None:
 
 
 def _units_by_velocity(log: JointLog) -> list[str]:
-    """Time units other than s for which the measured velocities are the slope of the positions; empty if unclear."""
+    """Return time units other than s for which the positions' slope is the measured velocity; empty if unclear."""
     if log.dq is None or not log.dq.any():
         return []
     steps = np.diff(log.t)[:, None]
@@ -188,7 +188,7 @@ def _units_by_velocity(log: JointLog) -> list[str]:
 
 
 def share_of_speed(log: JointLog, robot: Articulated) -> float:
-    """Speed of the fastest joint as a share of its speed limit, from positions about ten samples apart.
+    """Return the fastest joint's speed as a share of its speed limit, from positions about ten samples apart.
 
     - `log`: a log with increasing times.
     - `robot`: the arm; 3 rad/s or 1 m/s replace missing speed limits.
@@ -251,7 +251,7 @@ def _merge_equal_times(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.
 
 
 def _drop_frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True for the rows that were measured, and the indices of rows that follow a frozen stretch."""
+    """Return True for each row that was measured, and the indices of rows that follow a frozen stretch."""
     keep = np.ones(len(log.t), bool)
     bend = np.abs(np.diff(log.tau, 2, axis=0))
     usual = np.median(bend, axis=0)
@@ -270,7 +270,7 @@ def _drop_frozen(log: JointLog, breaks: np.ndarray) -> tuple[np.ndarray, np.ndar
             continue
         after = min(last + 1, len(log.t) - 1)
         if (np.abs(log.q[after] - log.q[start]) > 5.0 * usual_move + 1e-9).any():
-            # The first of them is a measured value, the last may be a held one.
+            # The first sample of the stretch was measured; the last one may repeat the sample before.
             keep[start + 1 : after] = False
             cuts.append(after)
     return keep, np.array(cuts, int)
@@ -289,13 +289,13 @@ BEYOND = 0.5
 """Excess over the position limits, as a share of the range, above which a joint's unit is in doubt."""
 
 APART = 0.3
-"""Difference between dq and the slope of q, as a share of the slope, above which dq is not used."""
+"""Root mean square difference of dq from the slope of q, as a share of the slope, above which dq is not used."""
 
 CORRELATED = 0.9
-"""Correlation of dq with the slope of q above which a factor between them is a matter of units."""
+"""Correlation of dq with the slope of q above which a factor between them means another unit or sign."""
 
 TRAVEL = {"rad": 0.02, "m": 0.005}
-"""Range of positions below which a joint is held, and its dq shows nothing about units."""
+"""Range of positions below which a joint is treated as still, so that its dq shows nothing about units."""
 
 DQ_DELAY = 0.1
 """Largest delay of dq after the slope of q, s."""
@@ -341,7 +341,7 @@ def _largest(log: JointLog) -> np.ndarray:
 def find_usable_velocities(
     log: JointLog, robot: Articulated, slope: np.ndarray, velocity: np.ndarray, noise: np.ndarray, rate: float
 ) -> tuple[np.ndarray, list[str]]:
-    """True for each joint whose measured velocity agrees with the slope of its positions [n]; and warnings.
+    """Return True for each joint whose measured velocity agrees with its positions' slope [n], and warnings.
 
     - `log`, `robot`: the log and its arm.
     - `slope`, `velocity`: slope of the positions and measured velocity, in the band of the equations [k n].
@@ -371,7 +371,7 @@ def find_usable_velocities(
 
 
 def _best_factor(slope: np.ndarray, velocity: np.ndarray, rate: float) -> tuple[float, float]:
-    """The ratio of velocity to slope at the delay with the highest correlation, and this correlation."""
+    """Return the ratio of velocity to slope at the delay with the highest correlation, and this correlation."""
     most = max(1, min(int(DQ_DELAY * rate), len(slope) // 4))
     best = (0.0, 0.0)
     for shift in np.unique(np.linspace(-most, most, 41).astype(int)):
@@ -392,7 +392,7 @@ def _velocity_unit_error(log: JointLog, factors: dict[int, float], travelling: i
     leave = "`--drop dq` leaves `dq` out"
     if len(factors) < travelling or np.ptp(values) > 0.2 * abs(factor):
         if abs(factor + 1.0) < 0.2:
-            return f"{facts}; do `q` and `dq` have opposite signs? `--position-sign` changes both signs, {leave}"
+            return f"{facts}; do `q` and `dq` have opposite signs? `--position-sign` would change both; {leave}"
         return f"{facts}; {leave}"
     for name, unit in TIME_UNITS.items():
         if name != "s" and abs(factor * unit - 1.0) < 0.2:
@@ -439,7 +439,7 @@ MOST = 0.02
 
 
 def remove_outliers(log: JointLog, robot: Articulated) -> tuple[JointLog, list[str]]:
-    """The log with unwrapped angles and without single faulty samples; and warnings about both."""
+    """Return the log with unwrapped angles and without single faulty samples, and warnings about both."""
     warnings: list[str] = []
     q = log.q.copy()
     for joint, unit in enumerate(robot.joint_units):

@@ -38,7 +38,7 @@ def read_csv(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointLo
 
     - `path`: the file.
     - `joints`: the arm's joints, in its order.
-    - `reading`: options that the titles leave open.
+    - `reading`: the user's choices where titles are ambiguous.
 
     Raises DefinitionError, with line and column, if the file has another form.
     """
@@ -55,7 +55,7 @@ def read_csv(path: Path, joints: Sequence[str], reading: ReadOptions) -> JointLo
 
 
 def _name_columns(form: TableFormat, file: BinaryIO, name: str) -> dict[tuple[str, int], str]:
-    """Joint names from text columns, by the prefix of the column's title and the joint's number.
+    """Return joint names from text columns, by the prefix of the column's title and the joint's number.
 
     `rostopic echo -p` writes columns `field.name0`, `field.name1`; bagpy writes a list into a column `name`.
     """
@@ -99,7 +99,7 @@ def _with_joint_name(text: str, joints: Mapping[tuple[str, int], str]) -> str:
 
 
 def _csv_numbers(rows: Iterator[tuple[int, list[str]]], columns: LogColumns, name: str) -> tuple[np.ndarray, list[str]]:
-    """The numbers in the rows, the time first, and notes about conversions."""
+    """Return the numbers in the rows, with the times in the first column, and notes about conversions."""
     # NumPy reads a few rows ahead of the row in its error.
     last: deque[tuple[int, list[str]]] = deque(maxlen=4)
     optional = columns.of.get("dq", [])
@@ -199,7 +199,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: ReadOptions) -> Joi
 
     - `path`: the file.
     - `joints`: the arm's joints, in its order.
-    - `reading`: options that the titles leave open.
+    - `reading`: the user's choices where titles are ambiguous.
 
     Raises DefinitionError, with the column, if a column has another type or lacks a value.
     """
@@ -233,7 +233,7 @@ def read_parquet(path: Path, joints: Sequence[str], reading: ReadOptions) -> Joi
         values[title], note = _parquet_numbers(column, title, name, is_time=title == chosen.time)
         notes += [note] if note else []
         if note and title == chosen.time:
-            # The unit of the type has been applied already; undo that of the title.
+            # The times are in s already: undo the factor of the title's unit, which `log` will apply.
             values[title] = values[title] / chosen.scale[title]
     return chosen.log(name, joints, values, notes)
 
@@ -250,7 +250,7 @@ def _joint_names(path: Path, source: str) -> tuple[str, ...]:
 
 
 def _parquet_numbers(column: Any, title: str, name: str, *, is_time: bool) -> tuple[np.ndarray, str]:
-    """A column as numbers, time stamps as seconds since the first; and a note about a conversion."""
+    """Return a column as numbers, time stamps as seconds since the first, and a note about a conversion."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

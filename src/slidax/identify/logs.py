@@ -113,7 +113,7 @@ class LogColumns:
         }
         times = table[self.time] * self.scale.get(self.time, 1.0)
         if len(times) and abs(times[0]) > 1e6:
-            # Such as seconds since 1970: keep the time since the first sample.
+            # For large times, such as seconds since 1970, keep the time since the first sample.
             times = (table[self.time] - table[self.time][0]) * self.scale.get(self.time, 1.0)
         return JointLog(
             source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), (*notes, *self.notes)
@@ -310,7 +310,7 @@ class Conventions:
         )
 
     def each(self, name: str, joints: int) -> np.ndarray:
-        """A field's entry for each joint [n].
+        """Return a field's entry for each joint [n].
 
         - `joints`: number of joints.
 
@@ -324,7 +324,7 @@ class Conventions:
         return np.broadcast_to(values.ravel(), (joints,))
 
     def _order(self, name: str, joints: Sequence[str]) -> list[int]:
-        """For each joint of the arm, the index of its column in the log as read."""
+        """Return for each joint of the arm the index of its column in the log as read."""
         order = list(getattr(self, name))
         if not order:
             return list(range(len(joints)))

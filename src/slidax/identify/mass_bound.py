@@ -35,7 +35,7 @@ from slidax.core.errors import DefinitionError
 from .regressor import BODY, PAIRS, cross_matrix
 
 GAP = 0.02
-"""Share by which the bound may exceed the smallest bound of this kind."""
+"""Largest excess of the bound over the optimum of the semidefinite program, as a share of the optimum."""
 
 NEWTON_STEPS = 4
 """Newton steps per barrier weight."""
@@ -48,7 +48,7 @@ class Block:
     - `parameters`: indices of its parameters in φ: the body's ten, and the rotor.
     - `forms`: indices of its coefficients among those of all L, the coefficients of L_i first.
     - `own`: number of coefficients of L_i.
-    - `of_parameters`, `of_forms`: the matrix that each parameter and coefficient multiplies [11 m m], [f m m].
+    - `of_parameters`, `of_forms`: matrix that each parameter [11 m m] and each coefficient [f m m] multiplies in K_i.
     """
 
     parameters: np.ndarray
@@ -85,7 +85,7 @@ class MassBound:
             self._normalised.append((root @ block.of_parameters @ root, root @ block.of_forms @ root))
 
     def of(self, errors: np.ndarray, *, refine: bool = True) -> np.ndarray:
-        """Return for each error a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
+        """Return for each of s errors a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
 
         With the centre's L₀ as a metric, `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised
         `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L with the smallest sum of squares of all E_i is linear in Δφ and
@@ -102,7 +102,7 @@ class MassBound:
         return np.maximum(*(_largest(matrices) for matrices in both))
 
     def _errors_of(self, errors: np.ndarray, forms: np.ndarray) -> list[np.ndarray]:
-        """Each -E_i, [s m m]."""
+        """Return -E_i of each block, [s m m]."""
         return [
             -np.tensordot(errors[:, block.parameters], of_parameters, axes=1)
             - np.tensordot(forms[:, block.forms], of_forms, axes=1)
@@ -120,7 +120,7 @@ class MassBound:
         return -np.linalg.lstsq(columns, target, rcond=1e-12)[0].T
 
     def _refined(self, matrices: list[np.ndarray]) -> list[np.ndarray]:
-        """The matrices for an L that nearly minimises their largest eigenvalue.
+        """Return the matrices for an L that nearly minimises their largest eigenvalue.
 
         Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0` by damped Newton steps on `p/μ - Σ log det`. The function is
         self-concordant, so the steps stay feasible. At its minimum p exceeds the optimum by at most μ times the number
@@ -170,7 +170,7 @@ class MassBound:
         return p + step[:, 0], y + step[:, 1:]
 
     def _analytic_centre(self, parameters: np.ndarray) -> np.ndarray:
-        """The L with the largest product of the determinants of all K_i."""
+        """Return the L that maximises the product of the determinants of all K_i."""
         forms = self._inside(parameters)
         for _ in range(100):
             slope, curve = np.zeros(self.coefficients), np.zeros((self.coefficients, self.coefficients))
@@ -188,7 +188,7 @@ class MassBound:
         return forms
 
     def _inside(self, parameters: np.ndarray) -> np.ndarray:
-        """An L for which all K_i are positive definite."""
+        """Return an L for which all K_i are positive definite."""
         for share in (0.0, *np.geomspace(1e-1, 1e-8, 15)):
             forms = self._definite(parameters, share)
             values = [np.linalg.eigvalsh(block.matrix(parameters, forms)) for block in self.blocks]
@@ -197,7 +197,7 @@ class MassBound:
         raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
 
     def _definite(self, parameters: np.ndarray, share: float) -> np.ndarray:
-        """Return L that increase each K_i by a share of its size, at the cost of the next body towards the base."""
+        """Return an L that increases each K_i by a share of its size, and lowers that of the next body to the base."""
         forms = np.zeros(self.coefficients)
         if share == 0.0:
             return forms
@@ -267,7 +267,7 @@ def change_of_axes(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
 
 
 def _reachable_twists(vectors: np.ndarray, unit: str) -> np.ndarray:
-    """Orthonormal basis of all twists that a joint's motion makes of the given ones, [6 d]."""
+    """Return an orthonormal basis of the given twists and all twists into which a joint's motion turns them, [6 d]."""
     moved = [vectors]
     for position in (0.7, 1.9, 3.1, 4.4, 5.6):
         motion = np.eye(6)
@@ -282,7 +282,7 @@ def _reachable_twists(vectors: np.ndarray, unit: str) -> np.ndarray:
 
 
 def _invariant_forms(generator: np.ndarray) -> np.ndarray:
-    """Basis of the symmetric L with `L A + Aᵀ L = 0`, the forms invariant under the motion exp(A s), [f d d].
+    """Return a basis of the symmetric L with `L A + Aᵀ L = 0`, which are invariant under the motion exp(A s), [f d d].
 
     - `generator`: A, on a basis of the twists [d d].
     """
@@ -304,12 +304,12 @@ def _inverse_root(matrix: np.ndarray) -> np.ndarray:
 
 
 def _largest(matrices: list[np.ndarray]) -> np.ndarray:
-    """Largest eigenvalue over the matrices of each sample, [s]."""
+    """Return the largest eigenvalue of all blocks' matrices for each error, [s]."""
     return np.max([np.linalg.eigvalsh(matrix)[:, -1] for matrix in matrices], axis=0)
 
 
 def _spatial() -> np.ndarray:
-    """Quadratic form on twists (ω, v) that each of a body's ten parameters contributes, [10 6 6].
+    """Return the quadratic form on twists (ω, v) that each of a body's ten parameters multiplies, [10 6 6].
 
     `m |v|² + 2 v·(ω × h) + ωᵀ I ω`, twice the kinetic energy, with h the mass times the centre of mass and I the
     inertia about the origin.

@@ -1,4 +1,4 @@
-"""A payload in the form that a robot's maker reads."""
+"""Payloads in the formats of robot manufacturers."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from slidax.core.errors import DefinitionError, nearest_word
 
 
 def urscript_payload(payload: Payload) -> str:
-    """The line of URScript: mass, centre, and inertia about the centre as xx, yy, zz, xy, xz, yz."""
+    """Return a line of URScript: mass, centre, and inertia about the centre as xx, yy, zz, xy, xz, yz."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(payload.inertia).tolist()
     return f"set_target_payload({float(payload.mass):.6g}, {_list(payload.center)}, {_list([xx, yy, zz, xy, xz, yz])})"
 
 
 def libfranka_payload(payload: Payload) -> str:
-    """The call of libfranka: mass, centre in the flange's frame, and inertia about the centre by columns."""
+    """Return a call of libfranka: mass, centre in the flange's frame, and inertia about the centre, column-major."""
     inertia = np.asarray(payload.inertia).T.ravel()
     center, entries = (_list(values).replace("[", "{").replace("]", "}") for values in (payload.center, inertia))
     return f"robot.setLoad({float(payload.mass):.6g}, {center}, {entries});"
 
 
 def desk_payload(payload: Payload) -> str:
-    """The file of an end effector for Franka Desk: as `libfranka_payload`, with the tool's frame at the flange."""
+    """Return an end-effector file for Franka Desk: as `libfranka_payload`, with the tool's frame at the flange."""
     return json.dumps(
         {
             "mass": float(f"{float(payload.mass):.6g}"),
@@ -38,9 +38,9 @@ def desk_payload(payload: Payload) -> str:
 
 
 def kuka_payload(payload: Payload) -> str:
-    """The load of tool 1 in KUKA's KRL: mass, centre in mm, and inertia about its principal axes.
+    """Return the load of tool 1 in KUKA's KRL: mass, centre in mm, and inertia about its principal axes.
 
-    The axes are given by rotations A, B, C about Z, Y and X, one after the other, in degrees.
+    A, B and C are the angles of successive rotations about Z, Y and X to the principal axes, in degrees.
     """
     moments, axes = np.linalg.eigh(np.asarray(payload.inertia))
     axes[:, 0] *= np.linalg.det(axes)
@@ -52,7 +52,7 @@ def kuka_payload(payload: Payload) -> str:
 
 
 def urdf_payload(payload: Payload) -> str:
-    """The link of URDF, to be fixed to the tip."""
+    """Return a URDF link with the payload's inertia, to be fixed to the tip."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.asarray(payload.inertia).tolist()
     names = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     entries = " ".join(f'{name}="{value:.6g}"' for name, value in names.items())
@@ -80,7 +80,9 @@ def require_payload_form(form: str) -> None:
 
 
 def payload_text(payload: Payload, form: str) -> str:
-    """Return a payload in a maker's form; its frame is the arm's tip, which must be the maker's flange.
+    """Return a payload as text in a manufacturer's form.
+
+    The payload's frame is the arm's tip, which must be the manufacturer's flange.
 
     - `form`: a name in `FORMS`.
 

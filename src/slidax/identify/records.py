@@ -1,4 +1,4 @@
-"""Logs of one arm for a joint fit: each with its load, checked, cut at its gaps, and filtered."""
+"""Logs of one arm for a combined fit: each with its load, checked, cut at its gaps, and filtered."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def parse_load(text: str) -> Payload | None:
 
 
 def has_known_difference(loads: Sequence[Payload | None]) -> bool:
-    """True if two known loads differ in mass or in mass times centre."""
+    """True if two of the known loads differ in mass or in mass times centre."""
     known = [parameters_of_payload(load)[:4] for load in loads if load is not None]
     return any((moments != known[0]).any() for moments in known)
 
@@ -95,9 +95,11 @@ class LogRecord:
         return self.signals.part(slice(0, self.split))
 
     def narrowed(self, band: float) -> LogRecord:
-        """The log in a narrower band, or in its own one if that is hardly wider, or if the log is too short for it.
+        """Return the log in a narrower band.
 
-        - `band`: new end of the band [Hz].
+        The log keeps its own band if that is hardly wider, or if the log is too short for the narrower one.
+
+        - `band`: upper end of the narrower band [Hz].
         """
         if band >= 0.8 * self.signals.cut_off:
             return self
@@ -106,7 +108,7 @@ class LogRecord:
         return self if narrow.shortage() else narrow
 
     def shortage(self) -> str:
-        """A sentence if the filter leaves too few samples in the fitted or the held-out part; otherwise empty."""
+        """Return a sentence if the filter leaves too few samples in the fitted or held-out part, else an empty text."""
         signals = self.signals
         row, settled, rate = np.arange(len(signals.t)), signals.settled, signals.rate
         within = f" in {len(signals.pieces)} parts without a gap" if len(signals.pieces) > 1 else ""
@@ -117,12 +119,13 @@ class LogRecord:
                 return (
                     f"{self.log.source} is too short, {len(row) / rate:.3g} s{within}: between the ends of its filter, "
                     f"{settled / rate:.3g} s each in a band of {signals.cut_off:.3g} Hz, the part that is {name} has "
-                    f"{count / rate:.3g} s and needs {fewest / rate:.3g} s; `--held-out` and `--cut-off` set both"
+                    f"{count / rate:.3g} s and needs {fewest / rate:.3g} s; `--held-out` sets the parts, `--cut-off` "
+                    "the filter"
                 )
         return ""
 
     def fit(self, torque: np.ndarray, lag: float, lag_error: float) -> LogFit:
-        """The log with its predicted torques.
+        """Return the log with its predicted torques.
 
         - `torque`: torques of the arm for the log's motion [k n].
         - `lag`, `lag_error`: delay of the log's torques after its positions, and its standard error [s].
@@ -150,7 +153,7 @@ def record_of(
     """Convert a log to the arm's conventions, check it, and filter it.
 
     - `log`: the log as read.
-    - `load`: what the arm carries in this log in addition to its own payload; None if it is unknown.
+    - `load`: the load in addition to the arm's own payload; None if it is unknown.
     - `cut_off`: cut-off frequency of the filter [Hz]; None to choose it from the data.
     - `held_out`: share at the end that is predicted and not fitted.
 
@@ -179,7 +182,7 @@ def record_of(
 
 
 def read_logs(logs: Sequence[JointLog | str | Path], joints: Sequence[str]) -> list[JointLog]:
-    """The logs with different names, for messages.
+    """Return the logs, read from their files; logs with the same name get a number, for messages.
 
     - `logs`: logs, or paths of files.
     - `joints`: the arm's joints, in its order.

@@ -13,22 +13,22 @@ from .signals import LogSignals
 from .unknowns import Unknowns
 
 PER_CUT_OFF = 3.0
-"""Rows kept per period of the cut-off frequency; rows between them add no information."""
+"""Number of rows to keep per period of the cut-off frequency; rows in between add no information."""
 
 ROUNDS = 4
-"""Iterations of the weights from the residuals."""
+"""Number of fits, each with weights from the residuals of the previous one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterFit:
-    """The best-fitting parameters of s logs, and their uncertainty.
+    """The best-fitting parameters of one or more logs, and their uncertainty.
 
     - `theta`: the parameters [p].
     - `covariance`: covariance of their errors [p p].
     - `information`: information of the data and the prior [p p].
     - `gain`: eigenvalues of the data's information relative to the prior's [p], largest first.
-    - `lag`, `lag_error`: delay of each log's torques after its positions, and its standard error [s].
-    - `sigma`: standard deviation of the residuals [s n].
+    - `lag`, `lag_error`: delay of each log's torques after its positions, and its standard error [logs], s.
+    - `sigma`: standard deviation of the residuals [logs n].
     """
 
     theta: np.ndarray
@@ -50,17 +50,17 @@ class _Equations:
         self.known = part.filtered(unknowns.known[rows])
         self.every = max(1, int(part.rate / (PER_CUT_OFF * part.cut_off)))
         self.counts = (unknowns.counts[rows] & part.inner[:, None])[:: self.every]
-        # With so few equations a joint may fulfil all: its residuals show no noise then.
+        # The fit may fulfil so few equations of a joint exactly, and their residuals then show no noise.
         scarce = self.counts.sum(axis=0) < SCARCE
         size = np.std(self.target, axis=0)
         self.floor = np.where(scarce, 0.5 * part.torque_noise(), 0.0) + 1e-6 * size + 1e-12
         self.sigma = np.maximum(size, 1e-12)
 
     def with_lag(self, theta: np.ndarray, lags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Regressor and target, with the log's delay as an additional unknown.
+        """Return regressor and target, with the delays of all logs as additional unknowns.
 
         - `theta`: the scaled parameters, about which the delay is linearised.
-        - `lags`: 1 for this log's delay, 0 for those of other logs [s].
+        - `lags`: 1 for this log's delay, 0 for those of other logs [logs].
         """
         moved = self.part.slope(self.known + self.columns @ theta)[:: self.every]
         x = np.concatenate([self.columns[:: self.every], -LAG_SCALE * moved[:, :, None] * lags], axis=2)
@@ -68,10 +68,10 @@ class _Equations:
 
 
 def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) -> ParameterFit:
-    """Weighted least squares on the filtered equations of some logs, with each log's torque delay as a further unknown.
+    """Weighted least squares on the filtered equations of one or more logs; each log's torque delay is an unknown, too.
 
-    Each joint's weight is the inverse of its residuals' variance in the log. The covariance is the sum of those of
-    `covariance_of_fit`, since the logs' noise is independent, plus the prior's.
+    Each joint's weight is the inverse of its residuals' variance in the log. The covariance is the sum of the logs'
+    covariances from `covariance_of_fit`, since their noise is independent, plus the prior's.
 
     - `unknowns`: the equation of each log, with the same parameters.
     - `signals`: the fitted part of each log.
@@ -102,12 +102,12 @@ def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) 
     for log, (_, _, block, _), off in zip(logs, blocks, residuals, strict=True):
         rate = log.part.rate / log.every
         covariance = covariance_of_fit(block, off, log.counts, inverse, rate, log.part.cut_off) + covariance
-    # Correlated residuals reduce the effective number of samples, and so the data's information against the prior's.
+    # Correlated residuals reduce the effective number of samples, and so the data's information relative to the prior.
     ratio = max(1.0, float(np.einsum("ij,ji->", data + identity, covariance)) / len(start))
     information = data / ratio + identity
     gain = np.linalg.eigvalsh(data / ratio)[::-1]
     without_lags = information[:p, :p]
-    # No equation has the delays of two logs.
+    # No equation contains the delays of two logs, so each delay can be eliminated by itself.
     for i in range(p, len(start)):
         without_lags = without_lags - np.outer(information[:p, i], information[i, :p]) / information[i, i]
     values, vectors = np.linalg.eigh(without_lags)
@@ -124,16 +124,17 @@ def fit_parameters(unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]) 
 
 
 DISAGREE = 1.5
-"""Residuals of a log in a joint fit, relative to those of its own fit, from which on the logs disagree."""
+"""Residual of a log in a combined fit, as a multiple of the residual in its own fit, above which the logs disagree."""
 
 
 def with_disagreement(
     fitted: ParameterFit, unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]
 ) -> tuple[ParameterFit, np.ndarray]:
-    """Return a joint fit whose set of parameters has those of logs that disagree, and the ratios of residuals [s n].
+    """Return a combined fit whose confidence region contains the own fit of each log that disagrees, and the ratios.
 
-    A log that others contradict, since the arm carried more or its friction was another one, gets a small weight. The
-    covariance C gains `d dᵀ`, with d the step to the log's own fit in directions that it shows; then
+    The ratios are those of each log's residuals in the combined fit to those in its own fit, [logs n]. A log that the
+    others contradict, for instance since the arm's load or friction differed, gets a small weight. The covariance C
+    therefore gains `d dᵀ`, with d the step to the log's own fit in directions that it shows. Then
     `dᵀ (C + d dᵀ)⁻¹ d < 1`, and the step lies in every usual confidence region.
 
     - `unknowns`, `signals`: as for `fit_parameters`.
@@ -151,7 +152,7 @@ def with_disagreement(
 
 
 SCARCE = 30
-"""Equations of a joint below which its noise is taken from the spectrum above the band, too."""
+"""Number of a joint's equations below which its noise has a lower bound from the torque's spectrum above the band."""
 
 LAG_SCALE = 0.01
 """Prior standard deviation of the torques' lag [s]."""
@@ -266,12 +267,12 @@ def consistent_parameters(
     *,
     far: bool = False,
 ) -> np.ndarray:
-    """The best-fitting physically consistent θ, which minimises `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
+    """Return the best-fitting physically consistent θ, which minimises `½ (θ - θ̂)ᵀ A (θ - θ̂)`.
 
     Each body's pseudo-inertia is positive definite, and the parameters marked in `positive` are positive. If θ̂ itself
-    fulfils this, it is the result. Otherwise an interior-point method finds θ: Newton steps on the sum with `-μ log
-    det` of each pseudo-inertia and `-μ log` of each positive parameter, for μ down to 1e-6. The barrier is
-    self-concordant and its derivatives take four lines, so no solver for cone programs is needed.
+    fulfils both conditions, it is the result. Otherwise an interior-point method determines θ. It takes Newton steps on
+    the sum of this function, `-μ log det` of each pseudo-inertia and `-μ log` of each positive parameter, for μ down to
+    1e-6. The barrier is self-concordant and its derivatives take four lines, so no solver for cone programs is needed.
 
     - `theta`: θ̂, the unconstrained estimate [p].
     - `information`: A, the inverse of its covariance [p p].
@@ -318,7 +319,7 @@ def _descend(
     bodies: Sequence[int],
     positive: np.ndarray,
 ) -> np.ndarray:
-    """Take a step, shortened until it stays feasible and descends."""
+    """Return the point after a step, which is halved until it is feasible and decreases the cost."""
 
     def cost(point: np.ndarray) -> float:
         off = point - theta
@@ -349,7 +350,7 @@ def _barrier(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> 
 
 
 def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient and Hessian of the barrier: `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)`, `-1/θ` and `1/θ²`."""
+    """Return gradient and Hessian of the barrier: `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)`, `-1/θ` and `1/θ²`."""
     slope, curve = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     slope[positive] = -1.0 / theta[positive]
     curve[positive, positive] = 1.0 / theta[positive] ** 2
@@ -362,7 +363,7 @@ def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray)
 
 
 def _basis() -> np.ndarray:
-    """The contribution of each of the ten parameters to the pseudo-inertia, [10 4 4]."""
+    """Return the matrix that each of a body's ten parameters multiplies in the pseudo-inertia, [10 4 4]."""
     basis = np.zeros((BODY, 4, 4))
     basis[0, 3, 3] = 1.0
     for axis in range(3):

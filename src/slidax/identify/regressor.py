@@ -40,7 +40,7 @@ class LinkMotion(NamedTuple):
 
 
 def links_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
-    """`Y` with `M(q) q̈ + C(q,q̇) q̇ + G(q) = Y φ` for the links alone, [k n 10n].
+    """Return the regressor Y of the links alone, with `M(q) q̈ + C(q,q̇) q̇ + G(q) = Y φ`, [k n 10n].
 
     Newton's and Euler's equations are linear in mass, mass times centre and the inertia about a frame's origin
     (Atkeson, An and Hollerbach, *Estimation of inertial parameters of manipulator loads and links*, 1986). Y has no
@@ -59,9 +59,9 @@ def links_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
 
 
 def rigid_torque(robot: Articulated, motion: JointMotion, phi: np.ndarray, payload: np.ndarray) -> np.ndarray:
-    """`M(q) q̈ + C(q,q̇) q̇ + G(q)` for known bodies, without rotors, [k n].
+    """Return the torque `M(q) q̈ + C(q,q̇) q̇ + G(q)` of known bodies, without rotors, [k n].
 
-    Equal to the regressors times the parameters, and faster.
+    It equals the regressors times the parameters, but is faster to compute.
 
     - `robot`: the arm; only its geometry and gravity are used.
     - `motion`: the motion at k times.
@@ -85,7 +85,7 @@ def rigid_torque(robot: Articulated, motion: JointMotion, phi: np.ndarray, paylo
 
 
 def payload_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
-    """`Y` with `Y φ` the torque that a payload adds, [k n 10], φ in the tip's frame.
+    """Return the regressor Y of a payload, [k n 10]: `Y φ` is the torque that it adds, with φ in the tip's frame.
 
     - `robot`: the arm; only its geometry and gravity are used.
     - `motion`: the motion at k times.
@@ -97,7 +97,7 @@ def payload_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
 
 
 def _payload_wrench(robot: Articulated, links: LinkMotion) -> tuple[np.ndarray, np.ndarray]:
-    """The payload's wrench per unit of φ, in the frame of the joint that carries the tip."""
+    """Return the payload's force and torque per unit of φ, in the frame of the joint that carries the tip."""
     joint, rotation, tip = robot.tip_joint, np.asarray(robot.tip_rotation), np.asarray(robot.tip_translation)
     omega, alpha = links.omega[joint], links.alpha[joint]
     acceleration = links.acceleration[joint] + _cross(alpha, tip) + _cross(omega, _cross(omega, tip))
@@ -107,13 +107,13 @@ def _payload_wrench(robot: Articulated, links: LinkMotion) -> tuple[np.ndarray, 
 
 
 def parameters_of_links(robot: Articulated) -> np.ndarray:
-    """The inertial parameters φ of the arm's links, [10n]."""
+    """Return the inertial parameters φ of the arm's links, [10n]."""
     each = zip(np.asarray(robot.masses), np.asarray(robot.centers), np.asarray(robot.inertias), strict=True)
     return np.concatenate([parameters_of_body(float(mass), center, inertia) for mass, center, inertia in each])
 
 
 def parameters_of_payload(payload: Payload) -> np.ndarray:
-    """The inertial parameters φ of a payload, [10].
+    """Return the inertial parameters φ of a payload, [10].
 
     - `payload`: payload in the tip's frame.
     """
@@ -121,7 +121,7 @@ def parameters_of_payload(payload: Payload) -> np.ndarray:
 
 
 def parameters_of_body(mass: float, center: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Mass, mass times centre, and the inertia about the origin, [10].
+    """Return a body's inertial parameters φ: mass, mass times centre, and the inertia about the origin, [10].
 
     - `mass`: kg.
     - `center`: [3], m.
@@ -132,7 +132,7 @@ def parameters_of_body(mass: float, center: np.ndarray, inertia: np.ndarray) -> 
 
 
 def body_of_parameters(phi: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass [kg], centre [3, m] and inertia about the centre [3 3, kg m²] of a body; all 0 if its mass is not positive.
+    """Return a body's mass [kg], centre [3], m, and inertia about the centre [3 3], kg m²; all 0 if its mass is <= 0.
 
     - `phi`: inertial parameters [10].
     """
@@ -145,7 +145,7 @@ def body_of_parameters(phi: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def symmetric_matrix(entries: np.ndarray) -> np.ndarray:
-    """The symmetric matrix [3 3] with the entries xx, yy, zz, xy, xz, yz [6]."""
+    """Return the symmetric matrix [3 3] with the entries xx, yy, zz, xy, xz, yz [6]."""
     matrix = np.empty((3, 3))
     for entry, (i, j) in zip(entries, PAIRS, strict=True):
         matrix[i, j] = matrix[j, i] = entry
@@ -194,7 +194,7 @@ def _rotation_about_z(q: np.ndarray) -> np.ndarray:
 
 
 def _wrench(omega: np.ndarray, alpha: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Force and torque about the frame's origin that move a body, per unit of φ, both [k 3 10]."""
+    """Return the force, and the torque about the frame's origin, that move a body, per unit of φ, both [k 3 10]."""
     k = len(omega)
     w, dw = cross_matrix(omega), cross_matrix(alpha)
     force, torque = np.zeros((k, 3, BODY)), np.zeros((k, 3, BODY))
@@ -206,7 +206,7 @@ def _wrench(omega: np.ndarray, alpha: np.ndarray, acceleration: np.ndarray) -> t
 
 
 def _times_inertia(v: np.ndarray) -> np.ndarray:
-    """Matrix from the six entries of I to `I v`, [k 3 6]."""
+    """Return the matrix that maps the six entries of an inertia I to `I v`, [k 3 6]."""
     matrix = np.zeros((len(v), 3, 6))
     for column, (i, j) in enumerate(PAIRS):
         matrix[:, i, column] = v[:, j]
@@ -215,7 +215,7 @@ def _times_inertia(v: np.ndarray) -> np.ndarray:
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product; three times faster than NumPy's for so few entries."""
+    """Return the cross product; three times faster than NumPy's for so few entries."""
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]

@@ -34,7 +34,7 @@ EACH = 0.15
 class Repair:
     """An alternative convention for a log.
 
-    - `sentence`: description of the convention, which follows "with".
+    - `sentence`: description of the convention; it completes "They explain 99 % with ...".
     - `option`: the command-line option that applies it.
     - `joints`: number of joints that it changes.
     - `match`: match of the arm's torques under this convention.
@@ -89,10 +89,10 @@ def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
-    """The value of an order option: for each joint of the log as read, the joint that its values belong to.
+    """Return the value of an order option: for each joint of the log as read, the arm's joint to which it belongs.
 
     - `order`: for each joint, the column with its values [n].
-    - `earlier`: order already applied to the columns; empty if none was.
+    - `earlier`: value of this option that the columns already have; empty without one.
     """
     names = list(robot.joint_names)
     belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
@@ -101,7 +101,7 @@ def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) 
 
 
 def joint_list(robot: Articulated, which: np.ndarray) -> str:
-    """The names of the selected joints for a message.
+    """Return the names of the selected joints, for a message.
 
     - `which`: True for selected joints [n].
     """
@@ -110,7 +110,7 @@ def joint_list(robot: Articulated, which: np.ndarray) -> str:
 
 
 def number_list(values: np.ndarray, digits: int = 3) -> str:
-    """Numbers separated by commas, as an option takes them.
+    """Return numbers separated by commas, as options take them.
 
     - `values`: the numbers.
     - `digits`: significant digits.
@@ -119,7 +119,7 @@ def number_list(values: np.ndarray, digits: int = 3) -> str:
 
 
 def short_number_list(values: np.ndarray) -> str:
-    """As `number_list`, or a single number if all are equal."""
+    """Return a single number if all are equal; otherwise as `number_list`."""
     return number_list(values[:1] if (values == values[0]).all() else values)
 
 
@@ -127,11 +127,11 @@ FEW = 4
 """Up to this number of joints all orders are tried; for more joints a greedy search exchanges pairs."""
 
 STEPS = 12
-"""Zero positions to try per revolution."""
+"""Number of zero positions to try per revolution."""
 
 
 def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Joints that the log counts in the opposite direction."""
+    """Yield repairs: positions that the log counts in the opposite direction, in all joints or in some."""
     n = robot.joints
     same = np.arange(n)
     ones, zero = np.ones(n), np.zeros(n)
@@ -149,7 +149,7 @@ def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Positions in another joint order, with their torques or without."""
+    """Yield repairs: positions in another joint order, with their torques or without."""
     n = robot.joints
     ones, zero = np.ones(n), np.zeros(n)
 
@@ -182,7 +182,7 @@ def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventi
 
 
 def position_units(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Positions in degrees or revolutions."""
+    """Yield repairs: positions in degrees or revolutions."""
     turning = np.array([unit == "rad" for unit in robot.joint_units])
     largest = np.abs(sample.motion.q[:, turning]).max(initial=0.0)
     for size, name, unit, is_possible in (
@@ -196,7 +196,7 @@ def position_units(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]
 
 
 def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Positions with another zero."""
+    """Yield the repair with other zeros of the positions, if there is one."""
     n = robot.joints
     same, ones, zero = np.arange(n), np.ones(n), np.zeros(n)
     turning = np.array([unit == "rad" for unit in robot.joint_units])
@@ -223,7 +223,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
         near = (zeros[joint] - step, zeros[joint] + step)
         best = optimize.minimize_scalar(along, bounds=near, method="bounded", options={"maxiter": 15}).x
         quarter = 0.5 * np.pi * np.round(best / (0.5 * np.pi))
-        # A zero about a multiple of 90° away is a matter of convention, and exactly that multiple.
+        # A zero that differs by about a multiple of 90° is a convention, and so differs by exactly this multiple.
         zeros[joint] = quarter if abs(best - quarter) < 0.1 and along(quarter) < along(best) + EACH else best
     match = match_of(zeros)
     total = zeros + conventions.each("position_offset", n)
@@ -236,7 +236,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Other mountings: gravity in the direction that fits best, or gravity that the robot already compensates."""
+    """Yield repairs: torques from which the robot has removed gravity, or gravity in the direction that fits best."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
     gravity = gravity_direction([robot], [sample])
@@ -251,8 +251,8 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
     angle = float(np.degrees(np.arccos(np.clip(gravity @ believed / strength**2, -1.0, 1.0))))
     if angle > 3.0:
         yield Repair(
-            f"gravity rotated by {angle:.0f}°, as for an arm mounted at this angle, which `--gravity identify` finds "
-            "with an interval",
+            f"gravity rotated by {angle:.0f}°, as for an arm mounted at this angle, which `--gravity identify` "
+            "estimates with an interval",
             f"--gravity {number_list(gravity, 4)}",
             2,
             match_torques(with_gravity(robot, gravity), sample),
@@ -260,10 +260,10 @@ def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
 
 
 SCALES = (0.4, 2.5)
-"""Range of torque factors that wrong masses explain as well as a wrong scale."""
+"""Range of torque factors for which wrong masses are as likely a cause as a wrong scale."""
 
 SHARES = (0.7, 1.4)
-"""Range of such factors for single joints, where the torques of the other joints determine the masses."""
+"""As `SCALES`, for single joints: the range is narrower, since the torques of the other joints determine the masses."""
 
 UNITS = {1e3: "mN m", 1e2: "N cm", 1e-3: "kN m", 1.0 / 0.0980665: "kgf cm"}
 """Factor by which torques in other units are too large, and the unit's name."""
@@ -275,7 +275,7 @@ LATEST = 1.0
 def torque_signs(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques with the opposite sign, in all joints or in some.
+    """Yield repairs: torques with the opposite sign, in all joints or in some.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -298,7 +298,7 @@ def torque_signs(
 def torque_scales(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques in another unit, as currents, or on the motor's side of the gear.
+    """Yield repairs: torques in another unit, motor currents, or torques on the motor's side of the gear.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -325,7 +325,7 @@ def torque_scales(
         for factor, unit in UNITS.items():
             if 0.4 < rough / factor < 2.5:
                 yield repair(np.full(n, sign * factor), unit)
-    # A joint without a rigid-body torque shows no scale; it gets the scale of the others.
+    # A joint without a rigid-body torque shows no scale; it gets the median scale of the others.
     each = [_scale_of(rigid.only(j), sample.only(j, j)) for j in range(n)]
     scales = np.array([scale if shows else 0.0 for scale, shows in each])
     shown_scales = np.abs(scales[scales != 0.0])
@@ -354,9 +354,10 @@ def torque_scales(
 
 
 def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatch, conventions: Conventions) -> Repair:
-    """The repair for torques that are multiples of the arm's torques.
+    """Return the repair for torques that are multiples of the arm's torques.
 
-    `unit` is a name in `UNITS`; without a unit, the scale is an estimate.
+    - `scales`: the factor of each joint [n].
+    - `unit`: a name in `UNITS`; empty if the factors are estimates.
     """
     size, n = np.abs(scales), robot.joints
     changed = size != 1.0
@@ -385,9 +386,9 @@ def _scaled(robot: Articulated, scales: np.ndarray, unit: str, match: TorqueMatc
 
 
 def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> tuple[float, bool]:
-    """The best factor of the arm's own torque, and True if the torque determines this factor.
+    """Return the best factor of the arm's rigid-body torque, and True if the sample determines this factor.
 
-    With `sign` 0, both signs are tried, and the factor has the better one.
+    - `sign`: sign of the factor to try, which is then returned without it; 0 to try both, and return the better factor.
     """
     weight = sample.counts / sample.size
     drives = drive_columns(sample)
@@ -408,7 +409,7 @@ def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> t
 def torque_orders(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques in another joint order, perhaps with other signs.
+    """Yield repairs: torques in another joint order, without and with other signs.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -442,7 +443,7 @@ def torque_orders(
 def torque_delays(
     signals: LogSignals, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Torques that come after the positions, or before them.
+    """Yield the repair for torques that come after the positions, or before them.
 
     - `rigid`: torques of the arm's bodies.
     """

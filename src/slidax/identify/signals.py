@@ -20,13 +20,13 @@ ORDER = 4
 """Order of the Butterworth filters, which run forwards and backwards and so have no delay."""
 
 WIDER = 4.0
-"""Ratio of the positions' cut-off to the equations': the positions' filter does not change the equations' band."""
+"""Cut-off of the positions' filter over that of the equations' filter, so that the former leaves the band unchanged."""
 
 SNR = 10.0
 """Least ratio of the positions' spectrum to their noise in the band."""
 
 NOISE_SHARE = 1e-4
-"""Largest share of noise in an acceleration's power in the band; noise biases an inertia down by this share."""
+"""Largest share of noise in an acceleration's power in the band; noise lowers an estimated inertia by this share."""
 
 LEAST, MOST = 1.0, 30.0
 """Range of the cut-off frequency [Hz]: above it, drives and links are no longer rigid."""
@@ -34,7 +34,7 @@ LEAST, MOST = 1.0, 30.0
 
 @dataclass(frozen=True, eq=False)
 class LogSignals:
-    """An evenly sampled log, in pieces without gaps, with the inputs of a regressor.
+    """An evenly sampled log, in pieces without gaps, with the motion for a regressor.
 
     - `t`: times [k], s.
     - `motion`: smoothed positions, velocities and accelerations.
@@ -66,11 +66,11 @@ class LogSignals:
         return _per_piece(lambda values: signal.sosfiltfilt(self._sos, values, axis=0), columns, self.pieces)
 
     def slope(self, columns: np.ndarray) -> np.ndarray:
-        """Time derivative of the columns, [k ...]."""
+        """Return the time derivative of the columns, [k ...]."""
         return _per_piece(lambda values: np.gradient(values, 1.0 / self.rate, axis=0), columns, self.pieces)
 
     def spectrum(self, values: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies [Hz] and power spectral densities of the columns, averaged over the pieces.
+        """Return frequencies [Hz] and power spectral densities of the columns, averaged over the pieces.
 
         - `values`: columns [k n].
         - `seconds`: length of a window; shorter if no piece is that long.
@@ -78,14 +78,14 @@ class LogSignals:
         return _spectrum(values, self.rate, self.pieces, seconds)
 
     def torque_noise(self) -> np.ndarray:
-        """Standard deviation of the torques' noise in the band of the equations, from the spectrum above it [n]."""
+        """Return the standard deviation [n] of the torques' noise in the equations' band, from the spectrum above."""
         f, power = self.spectrum(self.tau, 4.0)
         above = (f > 3.0 * self.cut_off) & (f < 0.45 * self.rate)
         density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(self.tau.shape[1])
         return np.sqrt(density * self.cut_off)
 
     def part(self, rows: slice) -> LogSignals:
-        """The signals in a range of rows.
+        """Return the signals in a range of rows.
 
         - `rows`: rows with a start and a stop.
         """
@@ -192,7 +192,7 @@ def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> flo
 def _resample(
     timed: LogPieces,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray, tuple[slice, ...]]:
-    """Evenly sampled times, positions, torques and velocities, the rows that were measured, and the pieces.
+    """Return evenly sampled times, positions, torques and velocities, the rows that were measured, and the pieces.
 
     Pieces with the even step of the longest piece keep their samples. The others are interpolated by a monotone cubic
     curve, which does not overshoot.
@@ -232,14 +232,14 @@ def _interpolate(own: np.ndarray, even: np.ndarray, columns: list[np.ndarray]) -
 
 
 def _roughness(q: np.ndarray) -> float:
-    """Relative size of the third differences, summed over the joints; 0 for fewer than four samples."""
+    """Return the relative size of the third differences, summed over the joints; 0 for fewer than four samples."""
     if len(q) < 4:
         return 0.0
     return float(np.sum(np.std(np.diff(q, 3, axis=0), axis=0) / (np.std(q, axis=0) + 1e-12)))
 
 
 def _per_piece(work: Callable[[np.ndarray], np.ndarray], values: np.ndarray, pieces: tuple[slice, ...]) -> np.ndarray:
-    """Apply a function to each piece; pieces too short for the filters stay unchanged."""
+    """Return values with a function applied to each piece; pieces too short for the filters stay unchanged."""
     done = np.array(values, float)
     for piece in pieces:
         if piece.stop - piece.start > SHORTEST:
@@ -252,7 +252,7 @@ SHORTEST = 40
 
 
 def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
-    """Time derivative by the five-point formula, with an error of fourth order."""
+    """Return the time derivative by the five-point formula, with an error of fourth order."""
 
     def five_points(piece: np.ndarray) -> np.ndarray:
         padded = np.pad(piece, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
@@ -267,7 +267,10 @@ def _slope(values: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> np.nda
 def _spectrum(
     values: np.ndarray, rate: float, pieces: tuple[slice, ...], seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Welch's estimate, averaged over the pieces that are at least a window long; no window exceeds the longest."""
+    """Return frequencies [Hz] and Welch's spectral densities, averaged over the pieces at least as long as a window.
+
+    A window is as long as `seconds`, but at most as long as the longest piece.
+    """
     window = max(min(max(p.stop - p.start for p in pieces), int(seconds * rate)), 2)
     total, weight, f = 0.0, 0, np.zeros(0)
     for piece in pieces:
@@ -279,7 +282,7 @@ def _spectrum(
 
 
 def _noise(velocity: np.ndarray, cut_off: float, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
-    """Standard deviation [n] of a velocity's noise after the wide filter, from the spectrum just above its band."""
+    """Return the standard deviation [n] of a velocity's noise after the wide filter, from the spectrum above."""
     f, power = _spectrum(velocity, rate, pieces, 4.0)
     wide = min(WIDER * cut_off, 0.4 * rate)
     above = (f > wide) & (f <= max(2.0 * wide, 0.45 * rate))

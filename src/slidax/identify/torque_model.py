@@ -28,16 +28,16 @@ from .regressor import (
 from .signals import LogSignals
 
 ROWS = 240
-"""Times at which torques are compared: enough for about fifty parameters."""
+"""Number of times at which torques are compared: enough for about fifty parameters."""
 
 BAND = 5.0
-"""Upper end of the band in which torques are compared, Hz: arms move there, and links and gears are rigid."""
+"""Upper end of the band in which torques are compared [Hz]: arms move in this band, and links and gears are rigid."""
 
 FEW_COUNT = 0.2
 """A joint that slides in fewer than this share of the rows is compared in all rows."""
 
 FLOOR = 0.03
-"""Residual, as a share of the torque, below which smaller is no better."""
+"""Residual, as a share of the torque, below which a smaller one does not count as better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,11 @@ class TorqueSample:
 
     @cached_property
     def floor(self) -> np.ndarray:
-        """Smallest residual that is told apart from 0, as a share of the torque [n]."""
+        """Smallest residual that can be distinguished from 0, as a share of the torque [n]."""
         return np.clip(self.noise / self.size, FLOOR, 1.0)
 
     def with_torques(self, order: np.ndarray, factor: np.ndarray) -> TorqueSample:
-        """The sample with each joint's torque taken from another column, times a factor.
+        """Return the sample with each joint's torque taken from another column, times a factor.
 
         - `order`: for each joint, the column with its torque [n].
         - `factor`: for each joint, the factor of its torque [n].
@@ -81,7 +81,7 @@ class TorqueSample:
         )
 
     def with_positions(self, order: np.ndarray, factor: np.ndarray, offset: np.ndarray) -> TorqueSample:
-        """The sample with each joint's motion taken from another column, times a factor, plus an offset.
+        """Return the sample with each joint's motion taken from another column, times a factor, plus an offset.
 
         - `order`: for each joint, the column with its position [n].
         - `factor`, `offset`: for each joint, the factor and offset of its position [n].
@@ -91,7 +91,7 @@ class TorqueSample:
         return replace(self, motion=JointMotion(q + offset, dq, ddq), direction=direction, counts=self.counts[:, order])
 
     def only(self, joint: int, column: int) -> TorqueSample:
-        """The sample of a single joint, with its torque from a column.
+        """Return the sample of a single joint, with its torque from a column.
 
         - `column`: index of the torque's column.
         """
@@ -108,7 +108,7 @@ class TorqueSample:
 
 
 def sample_of(signals: LogSignals, counts: np.ndarray) -> TorqueSample:
-    """Rows of a log, spread evenly over its measured part.
+    """Return the sample of a log at times that are spread evenly over its usable rows.
 
     - `counts`: True for rows and joints whose equations are used [k n].
     """
@@ -141,16 +141,16 @@ PAYLOAD = 0.5
 """Prior standard deviation of the payload's mass, as a share of the arm's mass."""
 
 DRIVE = 3.0
-"""Prior standard deviation of a drive's torque, as a multiple of the torque for links and payload."""
+"""Prior standard deviation of a drive's torque, as a multiple of the torque that its joint needs."""
 
 LIMIT_SHARE = 0.02
-"""Share of the torque limit that friction may take in any drive."""
+"""Share of the torque limit that is added to the links' torque, for friction, in the torque that a joint needs."""
 
 STIFFNESS = 2.0
 """Weight of the prior, relative to a row with a residual as large as the torque."""
 
 COSTLY = 60.0
-"""Cost of the prior, in rows, that weighs as much as an error 2.7 times larger in one joint."""
+"""Cost of the prior that raises the score as much as an error e = 2.7 times larger in one joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class TorqueMatch:
     """Match of an arm's torques with those of a sample.
 
     - `errors`: residual of each joint, as a share of the torque's standard deviation [n].
-    - `floor`: share of noise in each residual [n].
+    - `floor`: the sample's `floor`, the smallest residual that can be distinguished from 0 [n].
     - `cost`: deviation of links and drives from their prior, in units of one row.
     """
 
@@ -210,11 +210,11 @@ class RigidTorques:
 
     @property
     def total(self) -> np.ndarray:
-        """The torque by the arm's description [m n]."""
+        """The torque of links and payload according to the arm's description [m n]."""
         return self.columns[:, :, : self.links].sum(axis=2) + self.known
 
     def only(self, joint: int) -> RigidTorques:
-        """The torques of a single joint.
+        """Return the torques of a single joint.
 
         - `joint`: index of the joint.
         """
@@ -223,7 +223,7 @@ class RigidTorques:
 
 
 def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
-    """The torques of an arm's links and payload.
+    """Return the torques of an arm's links and payload.
 
     - `motion`: the motion at m times.
     """
@@ -244,7 +244,7 @@ def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
 
 
 def match_rigid_torques(rigid: RigidTorques, sample: TorqueSample) -> TorqueMatch:
-    """As `match_torques`, with torques that are already computed.
+    """Fit the arm to a sample as `match_torques` does, with rigid-body torques that are already computed.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -271,7 +271,7 @@ def match_rigid_torques(rigid: RigidTorques, sample: TorqueSample) -> TorqueMatc
 
 
 def drive_columns(sample: TorqueSample) -> np.ndarray:
-    """Torques of rotors, Coulomb and viscous friction, and offsets of both signs, per unit [m n 5n]."""
+    """Return the regressor of rotors, Coulomb and viscous friction, and positive and negative offsets, [m n 5n]."""
     constant = np.ones_like(sample.direction)
     drives = [sample.motion.ddq, sample.direction, sample.motion.dq, constant, -constant]
     return np.concatenate([values[:, :, None] * np.eye(constant.shape[1]) for values in drives], axis=2)
@@ -305,7 +305,7 @@ def nonnegative(
 
 
 def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
-    """The arm with another direction of gravity in its base frame.
+    """Return the arm with another gravity vector in its base frame.
 
     - `gravity`: acceleration [3], m/s².
     """
@@ -313,7 +313,9 @@ def with_gravity(robot: Articulated, gravity: np.ndarray) -> Articulated:
 
 
 def gravity_direction(robots: Sequence[Articulated], samples: Sequence[TorqueSample]) -> np.ndarray | None:
-    """Gravity of the given size in the direction that fits the torques best, [3] m/s²; None if no torque shows it.
+    """Return gravity in the direction that fits the torques best, [3], m/s²; None if no torque depends on gravity.
+
+    The magnitude is that of the arm's gravity, or 9.81 m/s² if that is 0.
 
     - `robots`: the arm with the load of each sample.
     """
@@ -352,17 +354,17 @@ def gravity_direction(robots: Sequence[Articulated], samples: Sequence[TorqueSam
 
 
 def with_gravity_torques(log: JointLog, robot: Articulated) -> JointLog:
-    """The log with the gravity torques of the arm's description added to its torques."""
+    """Return the log with the gravity torques of the arm's description added to its torques."""
     still = JointMotion(log.q, np.zeros_like(log.q), np.zeros_like(log.q))
     gravity = rigid_torque(robot, still, parameters_of_links(robot), parameters_of_payload(robot.payload))
     return replace(log, tau=log.tau + gravity)
 
 
 def _unit_masses() -> np.ndarray:
-    """Inertial parameters of 1 kg at the tip, at each corner of a box about it, and at points of its axes, [21 10].
+    """Return the inertial parameters of 1 kg at the tip, at each corner of a box about it, and on its axes, [21 10].
 
-    Between points of an axis, a compact payload has nearly its own inertia; between corners it would have that of a
-    body as large as the box.
+    A compact payload is a sum of these point masses. With points on the axes, the sum has nearly the payload's inertia;
+    with corners alone it would have the inertia of a body as large as the box.
     """
     points = REACH * np.array([*itertools.product((-1.0, 1.0), repeat=3), *np.eye(3), *-np.eye(3)])
     points = np.stack([np.zeros(3), *points, *(0.5 * points[8:])])

@@ -22,7 +22,7 @@ from .regressor import (
 from .signals import LogSignals
 
 TILT = 0.1
-"""Prior standard deviation of a step of gravity's direction [rad]."""
+"""Prior standard deviation of each angle by which a linearised step turns gravity [rad]."""
 
 REACH = 0.2
 """Prior distance of a body's mass from its frame [m]; it sets the scale of first moment and inertia."""
@@ -80,7 +80,7 @@ class Sizes(NamedTuple):
 
 
 def sizes_of(signals: Sequence[LogSignals]) -> Sizes:
-    """The sizes of the torques and of the motion in some logs."""
+    """Return the sizes of torques, accelerations and speeds over all logs."""
     return Sizes(
         np.sqrt(np.mean(np.concatenate([own.tau for own in signals]) ** 2, axis=0)),
         np.sqrt(np.mean(np.concatenate([own.motion.ddq for own in signals]) ** 2, axis=0)),
@@ -103,15 +103,15 @@ def unknowns_of(
     ripple: Sequence[float],
     ignored: np.ndarray,
 ) -> Unknowns:
-    """The equation of a log, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
+    """Return the equation of a log, `τ = Y φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_a |q̇| + f_o`.
 
-    With `stribeck`, there is `f_s exp(-(q̇/v_s)²) sign(q̇)` too, and with `ripple` `c cos(N q) + s sin(N q)` for each N.
+    `stribeck` adds the term `f_s exp(-(q̇/v_s)²) sign(q̇)`, and `ripple` adds `c cos(N q) + s sin(N q)` for each N.
 
     f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
     cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
 
-    - `robot`: the arm as it is known.
-    - `sizes`: the scale of the drives' parameters.
+    - `robot`: the arm before identification.
+    - `sizes`: sizes from which the prior scales of the drives' parameters follow.
     - `loads`: load of each log in addition to the arm's own payload; None if it is unknown.
     - `number`: index of this log.
     - `rotors`, `payload`, `links`: True if rotors, payload, or the links' inertial parameters are unknown.
@@ -205,7 +205,10 @@ BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy"
 
 
 def mark_moving(signals: LogSignals) -> np.ndarray:
-    """True at rows with sliding friction throughout the filter's settling time; always True for a still joint [k n]."""
+    """Return True for rows in which the joint slides throughout the filter's settling time, [k n].
+
+    The result is True in all settled rows for a joint that stands still.
+    """
     dq = signals.motion.dq
     largest = np.maximum(np.abs(dq).max(axis=0), STANDSTILL)
     dead = np.maximum(SLOW * largest, 4.0 * signals.noise)

@@ -1,8 +1,8 @@
 """Control laws: envelopes, error transformations, surfaces, reaching laws, estimators, adaptation and controllers.
 
-A sliding-mode controller is composed: `envelopes.py` prescribes the error bounds, `error_transformations.py` maps the
-error in them to a free variable, `surfaces.py` defines the motion on the sliding surface, and `reaching_laws.py` the
-torque that reaches it. `presets.py` lists all named schemes with their parameter values.
+A sliding-mode controller has four parts: `envelopes.py` prescribes the error bounds, `error_transformations.py` maps
+the error inside its bounds to an unbounded variable, `surfaces.py` defines the motion on the sliding surface, and
+`reaching_laws.py` the torque that reaches it. `presets.py` lists all named schemes with their parameter values.
 
 `sliding_mode_controllers.py` and `linear_controllers.py` hold the controllers as printed in papers. `sampled` holds
 their sampled-data form with estimator, prediction over the delay and torque limits.

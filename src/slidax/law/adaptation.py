@@ -18,26 +18,29 @@ from slidax.core.part import AbstractPart
 from slidax.core.types import Matrix, Memory, PerJoint, Scalar, State, Vector
 
 LEAST_SHARE = 0.01
-"""Least share of a nominal diagonal entry that remains, so that M̂ stays positive definite."""
+"""Least diagonal entry of M̂ where J < 0, over the entry without rotor `M0_ii - J0`: M̂ stays positive definite."""
 
 
 class Believed(AbstractRobot):
-    """`M̂ = S (M0 + diag(max(J, 0) - J0)) S`, with bias, friction and tip of the nominal arm.
+    """Nominal arm with adapted rotor inertia: `M̂ = S (M0 + diag(max(J, 0) - J0)) S`; all else is nominal.
 
     S is 1 where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes
-    `M0_ii + J - J0`. The links' part `M0 - diag(J0)` is positive semidefinite, so that M̂ is positive definite where
-    every J is positive, and a congruence does not change that.
+    `M0_ii + J - J0`. The links' part `M0 - diag(J0)` is positive semidefinite. M̂ is therefore positive definite if
+    every J is positive. The scaling by S is a congruence, which does not change that.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
-    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    joint_names: tuple[str, ...] = piece("names of the joints", static=True)
     nominal: AbstractRobot = piece("the robot as the law knows it")
     rotor: Vector = parameter("J, inertia on the diagonal in addition to that of the links", "kg m² or kg")
     counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0")
 
     @classmethod
     def of(cls, nominal: AbstractRobot, rotor: Vector, counted: PerJoint) -> Believed:
-        """Return a nominal arm with other rotors J instead of J0, kg m² or kg."""
+        """Return a nominal arm with the rotor inertia J in place of J0.
+
+        - `rotor`, `counted`: J [n] and J0, kg m² or kg.
+        """
         return cls(
             joint_units=nominal.joint_units,
             joint_names=nominal.joint_names,
@@ -82,8 +85,8 @@ class Experience(eqx.Module):
     - `q`: measured positions [n], rad or m.
     - `dq`: estimated velocities [n], rad/s or m/s.
     - `tau`: torque that acted in the period before the measurement [n], N m or N.
-    - `mass`: inertia matrix of the nominal arm there [n n].
-    - `bias`: C0 q̇ + G0 of the nominal arm there [n], N m or N.
+    - `mass`: inertia matrix of the nominal arm at this state [n n].
+    - `bias`: C0 q̇ + G0 of the nominal arm at this state [n], N m or N.
     - `period`: h [s].
     - `missed`: True if samples were lost before this one.
     - `nominal`: the nominal arm; None for an adaptation that needs only `mass` and `bias`.
@@ -119,11 +122,11 @@ class AbstractAdaptation(AbstractPart):
     """
 
     moves_bias: ClassVar[bool] = False
-    """True if it changes the bias of the arm and its viscous friction."""
+    """True if the adaptation changes the arm's bias and its viscous friction."""
 
     counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0", default=0.0)
     smoothing: PerJoint = parameter(
-        "v_s, velocity within which Coulomb friction turns", "rad/s or m/s", "> 0", default=0.02
+        "v_s, velocity scale of the smoothed Coulomb friction", "rad/s or m/s", "> 0", default=0.02
     )
 
     @abstractmethod
@@ -142,7 +145,7 @@ class AbstractAdaptation(AbstractPart):
         """Return the estimated parameters of the joints."""
 
     def per_joint(self) -> AbstractAdaptation:
-        """Return the adaptation without the parameters that are not one number or one per joint."""
+        """Return the adaptation for a check of its shapes: without parameters that are neither one number nor [n]."""
         return self
 
     def signals(self, memory: Memory) -> dict[str, Array]:
@@ -151,11 +154,11 @@ class AbstractAdaptation(AbstractPart):
         return {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
 
     def share(self, memory: Memory) -> Scalar:
-        """Return the share of the learnt model in what the law uses."""
+        """Return the weight of the learnt model in the law's model, 0 to 1; 0 is the nominal model."""
         return jnp.ones(())
 
     def settled(self, memory: Memory) -> Bool[Array, ""]:
-        """True while the learnt model is in full use."""
+        """True while the law uses the learnt model with its full weight, 1."""
         return jnp.ones((), bool)
 
     def robot(self, nominal: AbstractRobot, memory: Memory) -> Believed:
@@ -163,15 +166,18 @@ class AbstractAdaptation(AbstractPart):
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
     def changed_links(self, memory: Memory) -> Bool[Array, ""]:
-        """True if the last sample may have changed more of the arm's model than J and f; asked where `moves_bias`."""
+        """True if the last sample may have changed more of the model than J and f; used only with `moves_bias`."""
         return jnp.ones((), bool)
 
     def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: Memory) -> Vector:
-        """Return the inertia of each joint that the estimator's bandwidth belongs to [n], of the arm M̂ at q."""
+        """Return each joint's inertia for the bandwidth of the estimator, `M̂_ii(q)` by default, [n], kg m² or kg.
+
+        - `robot`: the arm with the estimated parameters.
+        """
         return jnp.diagonal(robot.mass(q))
 
     def frozen(self, memory: Memory) -> AbstractAdaptation:
-        """Return a constant adaptation with the estimates as they are, whose memory is zeros [n]."""
+        """Return a constant adaptation with the current estimates. Its memory is zeros [n]."""
         learnt = self.learnt(memory)
         return KnownJoints(rotor=learnt.rotor, coulomb=learnt.coulomb, counted=self.counted, smoothing=self.smoothing)
 
@@ -192,7 +198,7 @@ class AbstractAdaptation(AbstractPart):
 class KnownJoints(AbstractAdaptation):
     """Constant J and f, from an identification or an earlier run."""
 
-    title = "Rotors and friction that are known, and stay as they are."
+    title = "Known rotor inertia and friction, constant during the run."
 
     rotor: PerJoint = parameter(
         "J, inertia on the diagonal in addition to that of the links", "kg m² or kg", default=0.0
@@ -213,19 +219,19 @@ LOUDEST = 1e6
 """rad/s²: upper limit of `noise_of`; such noise hides every inertia."""
 
 STAGES = 5
-"""Two high-passes and three low-passes of first order."""
+"""Stages of the band-pass: two high-passes and three low-passes of first order."""
 
 
 def filter_step(
     stages: Float[Array, "5 k n"], signals: Float[Array, "k n"], low: Scalar, high: Scalar, period: Scalar
 ) -> Float[Array, "5 k n"]:
-    """Return the stages of the band-pass after a sample; the last stage is its output.
+    """Return the states of the band-pass after a sample; the last stage is its output.
 
     Two high-passes of first order at `low` remove slow signals, such as weight that the model does not know. Three
     low-passes at `high` then bound the second difference of rounded positions.
 
-    - `stages`: before the sample, for each signal: two low-passed parts that are subtracted, three low-passes.
-    - `signals`: at this sample.
+    - `stages`: states before the sample: two low-passed parts that are subtracted, then three low-passes.
+    - `signals`: signals at this sample.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """
@@ -239,7 +245,7 @@ def filter_step(
 
 
 def settled_stages(signals: Float[Array, "k n"]) -> Float[Array, "5 k n"]:
-    """Return the stages after a long time with constant signals: the output is 0."""
+    """Return the states of the band-pass after a long time with constant signals: the output is 0."""
     nothing = jnp.zeros_like(signals)
     return jnp.stack([signals] + [nothing] * (STAGES - 1))
 
@@ -250,7 +256,7 @@ def noise_of(deviation: float, low: float, high: float, period: float) -> float:
     `σ √(h/π ∫ |D(ω) F(ω)|² dω)` up to `π/h`, with D and F the frequency responses of the second difference and
     the filter.
 
-    - `deviation`: deviation of a measured position, rad; `r/√12` for a resolution r.
+    - `deviation`: standard deviation of a measured position, rad; `r/√12` for a resolution r.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """

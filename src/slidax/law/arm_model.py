@@ -1,4 +1,4 @@
-"""The parameters of an arm that a law can learn, and the arm that they describe."""
+"""Parameters of an arm that a law can learn, and the arm model with these parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
 
 FRICTION_SPEEDS = 0.01, 0.04
-"""rad/s or m/s: velocities within which the two shapes of Coulomb friction turn; the plant's own lies between them."""
+"""rad/s or m/s: v_1 and v_2 in the two shapes `tanh(q̇/v)` of Coulomb friction; the plant's own v lies between them."""
 
 
 class ArmParameters(eqx.Module):
@@ -29,9 +29,10 @@ class ArmParameters(eqx.Module):
     - `payload`: body added at the tip, in the frame of the joint that carries the tip [10], kg, kg m, kg m².
     - `factors`: relative change of each link's mass and inertia [n].
     - `viscous`: viscous friction [n], N m s/rad or N s/m.
-    - `first`, `second`: Coulomb friction that turns within the first and the second of `FRICTION_SPEEDS` [n], N m or N.
+    - `first`, `second`: Coulomb friction, as coefficients of `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, with v_1 and v_2 from
+      `FRICTION_SPEEDS` [n], N m or N.
     - `rotor`: change of each rotor's inertia [n], kg m² or kg.
-    - `more`: coefficients of further shapes of the drives' torque (`TorqueShapes`) [m n], N m or N; None without.
+    - `more`: coefficients of further torques of the drives (`TorqueShapes`) [m n], N m or N; None if there are none.
     """
 
     payload: Float[Array, "10"]
@@ -44,16 +45,16 @@ class ArmParameters(eqx.Module):
 
     @classmethod
     def of(cls, vector: Float[Array, " p"], more: int = 0) -> ArmParameters:
-        """Return the parameters from one vector, in the order of the fields, but `rotor` last.
+        """Return the parameters from one vector, in the order of the fields, except that `rotor` is last.
 
-        - `more`: number of further shapes m.
+        - `more`: number m of further torque coefficients for each joint.
         """
         payload = vector[:PAYLOAD]
         factors, viscous, first, second, *shapes, rotor = vector[PAYLOAD:].reshape(5 + more, -1)
         return cls(payload, factors, viscous, first, second, rotor, jnp.stack(shapes) if more else None)
 
     def vector(self) -> Float[Array, " p"]:
-        """Return all parameters as one vector."""
+        """Return all parameters as one vector, in the order of `of`."""
         friction = self.viscous, self.first, self.second
         return jnp.concatenate([self.payload, self.factors, *friction, *self._more(), self.rotor])
 
@@ -72,14 +73,14 @@ class ArmParameters(eqx.Module):
 
 
 def friction_shapes(dq: Vector) -> tuple[Vector, Vector]:
-    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n], the first by doubling the argument twice: `v_2 = 4 v_1`."""
+    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n]; as `v_2 = 4 v_1`, the first follows by two double-angle steps."""
     second = jnp.tanh(dq / FRICTION_SPEEDS[1])
     half = 2.0 * second / (1.0 + second * second)
     return 2.0 * half / (1.0 + half * half), second
 
 
 class TorqueShapes(eqx.Module):
-    """Further torques of the drives, each linear in its coefficient.
+    """Stribeck friction and position ripple of the drives, linear in their coefficients.
 
     Stribeck friction is `c exp(-(q̇/v_st)²) tanh(q̇/v_1)`; ripple over the position is `c cos(N q) + s sin(N q)`.
 
@@ -96,7 +97,7 @@ class TorqueShapes(eqx.Module):
         return (self.stribeck is not None) + 2 * (self.ripple is not None)
 
     def signals(self, coefficients: Float[Array, "m n"] | None) -> dict[str, Vector]:
-        """Return the coefficients by name."""
+        """Return the coefficients by name, [n] each; empty for None."""
         names = ["static_excess"] * (self.stribeck is not None)
         names += ["ripple_cosine", "ripple_sine"] * (self.ripple is not None)
         return {} if coefficients is None else dict(zip(names, coefficients, strict=True))
@@ -125,13 +126,13 @@ class TorqueShapes(eqx.Module):
 
 
 class Rippled(AbstractRobot):
-    """An arm whose bias has the torque that its drives need against ripple over the position."""
+    """An arm with torque ripple over the position: its bias contains the torque that the drives need against it."""
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
-    joint_names: tuple[str, ...] = piece("of the joints", static=True)
+    joint_names: tuple[str, ...] = piece("names of the joints", static=True)
     arm: AbstractRobot = piece("the arm without ripple")
     shapes: TorqueShapes = piece("shapes of the ripple")
-    coefficients: Float[Array, "m n"] = parameter("their coefficients", "N m or N")
+    coefficients: Float[Array, "m n"] = parameter("coefficients of the shapes", "N m or N")
 
     def mass(self, q: Vector) -> Matrix:
         return self.arm.mass(q)
@@ -153,10 +154,10 @@ class Rippled(AbstractRobot):
 
 
 def coupled_inertia(mass: Matrix, share: Scalar) -> Vector:
-    """Return a mean of `M_ii` and of `1/√(Σ_j (M⁻¹)_ij²)`, geometric, with the shares 1 - α and α, [n].
+    """Return the geometric mean of `M_ii` and `1/√(Σ_j (M⁻¹)_ij²)` with the weights 1 - α and α, [n].
 
-    The second is the inertia with which a joint responds to torques of one density on all joints. A payload's coupling
-    makes it much smaller than `M_ii`.
+    The second is the inertia with which a joint responds to torques of equal density on all joints. A payload's
+    coupling makes it much smaller than `M_ii`.
 
     - `mass`: M [n n].
     - `share`: α.
@@ -168,14 +169,14 @@ def coupled_inertia(mass: Matrix, share: Scalar) -> Vector:
 
 
 def parameter_count(joints: int, more: int = 0) -> int:
-    """Number of parameters of an arm with `more` further shapes of torque."""
+    """Return the number of parameters of an arm with `more` further torque coefficients for each joint."""
     return PAYLOAD + (5 + more) * joints
 
 
 def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -> Adjusted:
-    """Return a nominal arm with a share of its differences; rotors and friction stay nominal.
+    """Return a nominal arm with a share of the differences in payload and links; rotors and friction stay nominal.
 
-    Raises DefinitionError for another class than an articulated arm.
+    Raises DefinitionError if the arm is not an articulated one.
     """
     if not isinstance(nominal, Articulated):
         raise DefinitionError(
@@ -186,13 +187,13 @@ def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -
 
 
 def articulated(arm: AbstractRobot | None) -> Articulated:
-    """Return the arm itself, which `arm_with` has checked."""
+    """Return the arm itself, typed as an articulated arm: `arm_with` has checked that it is one."""
     assert isinstance(arm, Articulated)
     return arm
 
 
 def link_body(arm: Articulated) -> Float[Array, "10"]:
-    """Return mass, moment and inertia of the link that carries the tip, with what it carries [10]."""
+    """Return mass, first moment and inertia of the link that carries the tip, with its payload [10]."""
     bodies, at = arm.bodies(), arm.tip_joint
     return jnp.concatenate([bodies.mass[at][None], bodies.moment[:, at], bodies.inertia[:, at]])
 
@@ -200,7 +201,7 @@ def link_body(arm: Articulated) -> Float[Array, "10"]:
 class KnownArm(AbstractAdaptation):
     """Constant differences from the nominal arm, from an identification or an earlier run of `arm_learning`."""
 
-    title = "Payload, link masses, friction and rotors that are known, and stay as they are."
+    title = "Known payload, link masses, friction and rotor inertia, constant during the run."
     moves_bias: ClassVar[bool] = True
 
     payload: Float[Array, "10"] = parameter(
@@ -211,8 +212,8 @@ class KnownArm(AbstractAdaptation):
     )
     factors: PerJoint = parameter("relative change of each link's mass and inertia", "", "> -1", default=0.0)
     viscous: PerJoint = parameter("viscous friction that is compensated", "N m s/rad or N s/m", default=0.0)
-    first: PerJoint = parameter("Coulomb friction that turns within 0.01 rad/s", "N m or N", default=0.0)
-    second: PerJoint = parameter("Coulomb friction that turns within 0.04 rad/s", "N m or N", default=0.0)
+    first: PerJoint = parameter("Coulomb friction with the shape tanh(q̇/0.01)", "N m or N", default=0.0)
+    second: PerJoint = parameter("Coulomb friction with the shape tanh(q̇/0.04)", "N m or N", default=0.0)
     rotor: PerJoint = parameter("J, rotor inertia", "kg m² or kg", default=0.0)
 
     def per_joint(self) -> AbstractAdaptation:
@@ -226,7 +227,7 @@ class KnownArm(AbstractAdaptation):
         return memory
 
     def parameters(self, memory: Vector) -> ArmParameters:
-        """Return the differences, [n] each."""
+        """Return the differences from the nominal arm."""
         friction = memory + self.viscous, memory + self.first, memory + self.second
         return ArmParameters(self.payload, memory + self.factors, *friction, memory + self.rotor - self.counted)
 

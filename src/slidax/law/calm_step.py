@@ -1,4 +1,4 @@
-"""The calm step: least changes of the torque while the error is well inside its envelope."""
+"""The calm step: smallest torque changes while the error is well inside its envelope."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from .implicit_steps import AbstractSurfaceStep
 from .steps import AbstractStep, Decision, StepInput
 
 WAIT = 0.1
-"""s: how long a joint must be well inside before its steps are calm."""
+"""s: time for which a joint must be well inside its envelope before its steps are calm."""
 
 ERROR_SHARE, LED_SHARE = 0.2, 0.3
-"""Shares of the envelope, and of the led envelope, inside which a joint is well inside."""
+"""A joint is well inside if its error and its led error are below these shares of their envelopes."""
 
 SUDDEN, USUAL_TIME = 6.0, 1.0
-"""Change of the estimated disturbance that ends calm steps, over the usual change; and its time constant, s."""
+"""Change of the estimated disturbance that ends calm steps, over its recent mean; and that mean's time constant, s."""
 
 DAMPING, TURN = 0.7, 0.71
-"""Real and imaginary part of two poles, over the bandwidth; the third one is the bandwidth itself."""
+"""Real and imaginary part of a pair of poles, over the bandwidth; the third pole is real, at the bandwidth."""
 
 GROWTH, DECAY, STEEPEST = 30.0, 0.5, 3.0
-"""1/s, 1/s, and the largest excess that counts: how fast the bandwidth grows and falls."""
+"""Growth rate of the bandwidth for an excess of 1 [1/s], its decay rate [1/s], and the largest excess that counts."""
 
 
 class Calm(AbstractPart):
-    """Settings of the calm step: each joint's bandwidth is `ω0 (M0_ii)^(-1/3)`, and more while its error is large."""
+    """Settings of the calm step: each joint's bandwidth is `ω0 (M0_ii)^(-1/3)`, and larger while its error is large."""
 
-    title = "Least changes of the torque while the error is well inside its envelope."
+    title = "Smallest torque changes while the error is well inside its envelope."
 
     bandwidth: PerJoint = parameter(
         "ω0, bandwidth of a joint with an inertia of 1 kg m² or 1 kg", "rad/s", "> 0", default=80.0
@@ -47,18 +47,18 @@ class Calm(AbstractPart):
     near: PerJoint = parameter(
         "share of the envelope's narrower side, beyond which an error raises the bandwidth", "", "(0, 1)", default=0.02
     )
-    room: PerJoint = parameter("share of the envelope in which a step aims", "", "(0, 1)", default=0.8)
+    room: PerJoint = parameter("largest share of the envelope at which a step aims", "", "(0, 1)", default=0.8)
 
 
 class CalmMemory(eqx.Module):
-    """Memory of a calm step, all [n] but `plan`.
+    """Memory of a calm step, all [n] except `plan`.
 
     - `plan`: memory of the law's own step.
-    - `acceleration`: of the last step, relative to the reference's, rad/s² or m/s².
+    - `acceleration`: acceleration of the last step minus the reference's, rad/s² or m/s².
     - `disturbance`: ŵ of the last step, rad/s² or m/s².
     - `inside`: time well inside the envelope so far, s.
     - `pace`: bandwidth over its least value.
-    - `usual`: usual change of ŵ from one sample to the next, rad/s² or m/s².
+    - `usual`: recent mean of the change of ŵ from one sample to the next, rad/s² or m/s².
     """
 
     plan: Memory
@@ -72,16 +72,16 @@ class CalmMemory(eqx.Module):
 class CalmStep(AbstractStep):
     """A step with a surface, which changes the torque as little as it can while a joint is well inside its envelope.
 
-    With the error e and its rate v at the time when the torque sets in, the acceleration a⁻ of the last step relative
-    to the reference's, and the disturbance's change Δw since then:
+    All accelerations are relative to the reference's. The error e and its rate v are those when the torque sets in, a⁻
+    is the last step's acceleration, and Δw the change of the disturbance since then:
 
-    1. `z = a⁻ + Δw`: the acceleration that is left if the torque stands;
-    2. `a = z - K1 e - K2 v - K3 z`, which gives `e⁺ = e + h v + h² a/2`, `v⁺ = v + h a` the poles `exp(-d)` and
+    1. `z = a⁻ + Δw`: the acceleration if the torque does not change;
+    2. `a = z - K1 e - K2 v - K3 z`: with `e⁺ = e + h v + h² a/2`, `v⁺ = v + h a` the loop has the poles `exp(-d)` and
        `exp(d (-0.7 ± 0.71 i))`, `d = ω h`;
-    3. the place `ψ = (H (H a + v) + y)/ρ_a` to which a leads is held in `[room b, room b̄]`:
+    3. the normalised place `ψ = (H (H a + v) + y)/ρ_a` to which a leads is clipped to `[room b, room b̄]`:
        `a = ((ρ_a ψ - y)/H - v)/H`.
 
-    y moves to `(1 - h/H) y + (h/H) ρ_a ψ` in one period as in the law's own step, with a ψ in the same sides
+    y moves to `(1 - h/H) y + (h/H) ρ_a ψ` in one period as in the law's own step, with ψ between the same sides
     (docs/sampled-data.md). The law's own step decides for a joint outside `0.2 ϑρ` or `0.3` of the led envelope, and
     for 0.1 s after that. It decides for all joints after lost samples, after a limit of the drives has acted, after a
     sudden disturbance (a ŵ that changes by six times the mean of the last second), and while a learnt model of the arm
@@ -90,7 +90,7 @@ class CalmStep(AbstractStep):
     ω is `ω0 (M0_ii)^(-1/3)`: the least sum of the squares of error and torque step has it for every inertia. It grows
     by up to `exp(90 h)` a period while `|e|` is larger than `near ϑρ`, and falls again by `exp(-0.5 h)`.
 
-    Signals: those of the law's own step, `calm` [n], 1 where the step is calm, and `bandwidth` [n], ω.
+    Signals: those of the law's own step; `calm` [n], 1 where the step is calm; and `bandwidth` [n], ω.
     """
 
     plan: AbstractSurfaceStep = piece("the law's own step")
@@ -113,7 +113,7 @@ class CalmStep(AbstractStep):
 
     @property
     def transformation(self) -> AbstractTransformation:
-        """The law's own map from the error in its envelope to the transformed error."""
+        """The law's own error transformation."""
         return self.plan.transformation
 
     def init(self, t: Scalar, state: State, reference: Reference, period: Scalar, horizon: Scalar | None) -> CalmMemory:
@@ -192,7 +192,7 @@ class CalmStep(AbstractStep):
         return pace * least, pace
 
     def _held_inside(self, moment: StepInput, a: Vector, y: Vector, v: Vector, memory: CalmMemory) -> Vector:
-        """The acceleration whose place is held in `[room b, room b̄]`, [n], rad/s² or m/s²."""
+        """The acceleration, limited so that ψ stays in `[room b, room b̄]`, [n], rad/s² or m/s²."""
         horizon, room = moment.horizon, self.calm.room
         assert horizon is not None
         frame = self.transformation.frame(moment.t, horizon - 0.5 * moment.period, horizon, memory.plan.sides)

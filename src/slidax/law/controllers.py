@@ -20,12 +20,12 @@ class AbstractController(AbstractPart):
     """A pure function from measurements to a torque, with explicit memory. It never sees the plant."""
 
     plans: ClassVar[bool] = False
-    """True if its sampled-data form plans over a horizon, by an `implicit_step`."""
+    """True if the sampled-data form of the law plans over a horizon, by an `implicit_step`."""
 
     @property
     @abstractmethod
     def joints(self) -> int:
-        """Number of joints that it commands."""
+        """Number of joints that the law commands."""
 
     @abstractmethod
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
@@ -56,7 +56,7 @@ class AbstractController(AbstractPart):
         """Return the law as an implicit step over a horizon, for `sampled_data`; None if it has no such form.
 
         - `recovery`: policy outside the envelope.
-        - `slopes`: True if the bound of a robust torque counts the slope part of τ1, as printed in (45).
+        - `slopes`: True if the robust torque u counts the slope part of τ1 in ‖τ0 + τ1‖, as printed in (45).
         """
         return None
 
@@ -94,7 +94,7 @@ class AbstractSurfaceBased(AbstractModelBased):
 
     plans: ClassVar[bool] = True
 
-    transformation: AbstractTransformation = piece("e to ε1, with A and B")
+    transformation: AbstractTransformation = piece("error transformation: e to ε1, with A and B")
     surface: AbstractSurface = piece("φ(ε1), the surface over the transformed error")
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:

@@ -22,7 +22,7 @@ class AbstractPerformance(AbstractPart):
         "> final",
         "so that the envelope narrows (eq. 20)",
     )
-    final: PerJoint = parameter("ρ∞, radius that it narrows to", "rad or m", "> 0", "(Definition 4, eq. 20)")
+    final: PerJoint = parameter("ρ∞, final radius", "rad or m", "> 0", "(Definition 4, eq. 20)")
 
     @abstractmethod
     def radius(self, t: Scalar) -> PerJoint:
@@ -44,7 +44,7 @@ class FixedTime(AbstractPerformance):
 
     title = "The paper's performance function, with a prescribed settling time."
 
-    deadline: PerJoint = parameter("T, when it is settled", "s", "> 0", "(eq. 20)")
+    deadline: PerJoint = parameter("T, time from which the radius is ρ∞", "s", "> 0", "(eq. 20)")
     exponent: PerJoint = parameter(
         "σ, exponent of the decrease", "", "> 2", "so that the second derivative is continuous at T (eq. 20)"
     )
@@ -58,13 +58,13 @@ class FiniteTime(AbstractPerformance):
     """The solution of `ρ̇ = -c (ρ - ρ∞)^κ`: `ρ(t) = ((ρ0 - ρ∞)^(1-κ) - (1-κ) c t)^(1/(1-κ)) + ρ∞`, then `ρ∞`.
 
     It settles at `T = (ρ0 - ρ∞)^(1-κ) / ((1-κ) c)`, which grows with ρ0; this is the paper's objection to the
-    finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this one is usual.
+    finite-time functions it cites as [43]. Reconstructed: the paper does not print that function; this form is common.
     """
 
     title = "A performance function with a settling time that depends on its initial value."
 
     rate: PerJoint = parameter(
-        "c, how fast it narrows", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"
+        "c, rate of the decrease", "rad^(1-κ)/s", "> 0", "so that the envelope narrows (Definition 4)"
     )
     exponent: PerJoint = parameter(
         "κ, exponent of the decrease",
@@ -90,7 +90,7 @@ class Exponential(AbstractPerformance):
 
     title = "The classical exponential performance function."
 
-    rate: PerJoint = parameter("l, how fast it narrows", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
+    rate: PerJoint = parameter("l, rate of the decrease", "1/s", "> 0", "so that the envelope narrows (Definition 4)")
 
     def radius(self, t: Scalar) -> PerJoint:
         return (self.initial - self.final) * jnp.exp(-self.rate * t) + self.final

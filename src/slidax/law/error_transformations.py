@@ -83,7 +83,7 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`ψ(ε)` and its derivative, [n]: position in the frame, scaled by `now` or `ahead` in rad or m.
+        """`ψ(ε)` and its derivative, [n]: the normalised place in the frame; times `now` or `ahead` it is in rad or m.
 
         - `eps`: transformed error [n].
         """
@@ -92,7 +92,7 @@ class EnvelopeFrame(eqx.Module):
         return psi_and_slope(eps, self.sides)
 
     def transformed(self, y: Vector) -> Vector:
-        """`ψ⁻¹(y/now)`, [n], with y held inside the frame by a relative 1e-9, so that it is defined for every y.
+        """`ψ⁻¹(y/now)`, [n], with y clipped to the frame less a relative 1e-9, so that it is defined for every y.
 
         - `y`: led error [n], rad or m.
         """
@@ -104,7 +104,7 @@ class EnvelopeFrame(eqx.Module):
 
 
 class TransformedError(eqx.Module):
-    """The error as a surface sees it, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
+    """The transformed error on which a surface acts, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
 
     - `eps1`: transformed error ε1.
     - `eps2`: its rate ε2, 1/s.
@@ -172,7 +172,7 @@ class PrescribedPerformance(AbstractTransformation):
     title = "The logarithmic transformation from the envelope to all real numbers."
 
     performance: AbstractPerformance = piece("ρ(t), the radius of the envelope")
-    overshoot: PerJoint = parameter("ϑ, width of the side away from the initial error over ρ", "", "(0, 1)", "(eq. 13)")
+    overshoot: PerJoint = parameter("ϑ, width over ρ of the side away from the initial error", "", "(0, 1)", "(eq. 13)")
 
     def init(self, t: Scalar, e: Vector) -> Sides:
         """The sides by the sign of the initial error, eq. (13)."""

@@ -51,9 +51,9 @@ class AbstractEstimator(AbstractPart):
         - `measured`: measured positions and velocities.
         - `prior`: the last estimate, moved by the nominal model and its disturbance to the time of this measurement.
         - `elapsed`: time since the last measurement [s], > 0.
-        - `missed`: True if that is more than one period. The disturbance then stays as it was, because over a long
-          time other errors add up to it.
-        - `memory`: what `init` returned, or the call at the last measurement.
+        - `missed`: True after lost samples or a restart of the law. The disturbance estimate then stays as it was: over
+          a long time other errors add up to it.
+        - `memory`: from `init`, or from the call at the last measurement.
         """
 
     def for_inertia(self, inertia: Vector) -> AbstractEstimator:
@@ -64,9 +64,9 @@ class AbstractEstimator(AbstractPart):
         return self
 
     def with_share(self, share: Scalar) -> AbstractEstimator:
-        """Return the estimator for a share of a learnt model; `self` if the estimator does not depend on it.
+        """Return the estimator for a weight of the learnt model; `self` if the estimator does not depend on it.
 
-        - `share`: of the learnt model in what the law uses.
+        - `share`: weight of the learnt model in the law's model, 0 to 1.
         """
         return self
 
@@ -74,9 +74,10 @@ class AbstractEstimator(AbstractPart):
 def reset_position(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
 ) -> Estimate:
-    """After missed samples, the measured position, `q̇ + 2 (q' - q)/T`, and the previous disturbance; else `usual`.
+    """Return an estimate from the measured position if samples were missed; else `usual`.
 
-    The velocity is exact if the acceleration error was constant since the last measurement.
+    After missed samples the estimate has the measured position q', the velocity `q̇ + 2 (q' - q)/T`, and the previous
+    disturbance. The velocity is exact if the acceleration error was constant since the last measurement.
 
     - `measured`: measured positions; velocities are not used.
     - `prior`: q and q̇, the prediction.
@@ -113,17 +114,17 @@ class Measured(AbstractEstimator):
     reads_velocity: ClassVar[bool] = True
 
     gain: PerJoint = parameter(
-        "g, of the disturbance; 0 with trend 0 leaves it as it is", "", "[0, 1]", default=WITHOUT_TREND
+        "g, gain of the disturbance; with trend 0 as well, 0 keeps it constant", "", "[0, 1]", default=WITHOUT_TREND
     )
     trend: PerJoint = parameter(
-        "b, of its rate; 0 for a filter of first order; `critical` gives the one that is critically damped",
+        "b, gain of the disturbance's rate; 0 for a first-order filter; `critical` computes b for critical damping",
         "",
         "[0, 4 - 2 * gain]",
         "so that the filter itself is stable (Jury)",
         default=0.0,
     )
     ahead: Scalar = parameter(
-        "from the middle of the last measured period to the middle of the one that the torque acts in",
+        "prediction time, from the middle of the last measured period to the middle of that in which the torque acts",
         "periods",
         ">= 0",
         default=0.0,
@@ -131,26 +132,26 @@ class Measured(AbstractEstimator):
 
     @classmethod
     def critical(cls, gain: Any, ahead: Any) -> Measured:
-        """With `b = 2 - g - 2 √(1 - g)`: both poles of the filter are `√(1 - g)`.
+        """Return the critically damped filter, `b = 2 - g - 2 √(1 - g)`: both of its poles are `√(1 - g)`.
 
         - `gain`: g, one number or [n], in [0, 1].
         - `ahead`: prediction time in periods.
 
-        Raises DefinitionError if one of them is out of its range.
+        Raises DefinitionError if an argument is out of its range.
         """
         gain = as_array(gain)
         return cls(gain, 2.0 - gain - 2.0 * jnp.sqrt(jnp.maximum(1.0 - gain, 0.0)), ahead)
 
     @classmethod
     def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
-        """The default for a joint whose inertia or drive torque may be far from the nominal one.
+        """Return the default filter, for a joint whose inertia or drive torque may be far from the nominal one.
 
-        Extrapolating the disturbance by its trend costs tolerance, the more the longer the delay. Up to one period the
-        filter is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3. docs/learning.md has the inertia ratios
-        that the loop tolerates.
+        Extrapolation of the disturbance makes the loop tolerate less error of the inertia, and still less with a longer
+        delay. Up to one period of delay the filter is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3.
+        docs/learning.md has the inertia ratios that the loop tolerates.
 
         - `delay`: age of a measurement when its torque sets in [periods].
-        - `most`: g is not larger than this.
+        - `most`: upper limit of g.
         """
         if delay > 1.0:
             return cls(jnp.minimum(WITHOUT_TREND, most))
@@ -163,7 +164,7 @@ class Measured(AbstractEstimator):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: Vector
     ) -> tuple[Estimate, Vector]:
-        """The measurement, and the disturbance."""
+        """Return the measured state with the disturbance estimate, and the new rate d."""
         unexplained = (measured.dq - prior.state.dq) / elapsed
         grown = (1.0 - self.ahead) * elapsed * memory
         # w + h d, what the filter expected of this period, is `ŵ + (1 - ahead) h d`.
@@ -189,9 +190,9 @@ class FilteredDifference(AbstractEstimator):
 
     title = "The velocity from differences of positions, filtered around the model's prediction."
 
-    cutoff: PerJoint = parameter("c, of the filter on the velocity", "rad/s", "> 0")
+    cutoff: PerJoint = parameter("c, cutoff of the velocity filter", "rad/s", "> 0")
     gain: PerJoint = parameter(
-        "g, of the disturbance; 0 leaves it as it is", "", "[0, 1]", default=0.25, source="critical damping"
+        "g, gain of the disturbance; 0 keeps it constant", "", "[0, 1]", default=0.25, source="critical damping"
     )
 
     def init(self, measured: State) -> State:
@@ -227,9 +228,9 @@ class RobustDifferentiator(AbstractEstimator):
     With `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position, `σ0 = L h³ y³ sgn(r)`, a step of
     implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected from the set-valued sign.
     Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`, `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While
-    `R <= λ2`, y is 0 and the estimate is the one whose error is gone after three samples, without chattering. The 3/2
-    is 1 for the Euler step, whose velocity lags by half a period, and 1/2 for that half (Seeber): what is predicted
-    exactly with a constant disturbance is then estimated exactly.
+    `R <= λ2`, y is 0, and the estimation error vanishes within three samples without chattering. The factor 3/2 is 1
+    for the Euler step, whose velocity lags by half a period, plus 1/2 for that lag (Seeber). A motion that the model
+    predicts exactly with a constant disturbance is then estimated exactly.
 
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit
@@ -238,9 +239,7 @@ class RobustDifferentiator(AbstractEstimator):
 
     title = "Levant's second-order differentiator, implicit in time, around the model's prediction."
 
-    lipschitz: PerJoint = parameter(
-        "L, how fast the disturbance may change", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)"
-    )
+    lipschitz: PerJoint = parameter("L, largest rate of the disturbance", "rad/s³ or m/s³", "> 0", "(L, Levant, 2003)")
 
     def init(self, measured: State) -> tuple[()]:
         return ()
@@ -270,7 +269,7 @@ class RobustDifferentiator(AbstractEstimator):
 
 
 def _root(rest: Vector) -> Vector:
-    """The y >= 0 with `y³ + λ0 y² + λ1 y = rest`, for `rest >= 0`.
+    """Return the y >= 0 with `y³ + λ0 y² + λ1 y = rest`, for `rest >= 0`.
 
     The left side is increasing and convex, so Newton's steps from above never pass the root. Each of the three terms
     alone would give a larger y; the least of these is at most 1.4 times the root.
@@ -280,6 +279,6 @@ def _root(rest: Vector) -> Vector:
     safe = jnp.where(outside, rest, 1.0)
     y = jnp.minimum(jnp.minimum(jnp.cbrt(safe), jnp.sqrt(safe / l0)), safe / l1)
     for _ in range(NEWTON_STEPS):
-        # The next y itself and not a difference from the last: nothing cancels.
+        # This form computes the next y itself, not a correction of the last one: no digits cancel.
         y = (y * y * (2.0 * y + l0) + safe) / (y * (3.0 * y + 2.0 * l0) + l1)
     return jnp.where(outside, y, 0.0)

@@ -25,14 +25,14 @@ from .surfaces import AbstractSurface
 from .torque_bounds import AbstractBound
 
 PRECISION = 1e-12
-"""rad/s or m/s: residual of the plan in the velocity error, besides rounding."""
+"""rad/s or m/s: tolerance of a plan's equation, divided by H, in addition to rounding."""
 
 ROUNDING = 4e-16
 """Rounding error of a sum, relative to its largest term."""
 
 
 class Barrier(eqx.Module):
-    """`f(ε) = now ψ(ε) + H φ(ε)`, which increases from -∞ to ∞: for every y and s⁺ one ε has `f(ε) = y + H s⁺`.
+    """`f(ε) = now ψ(ε) + H φ(ε)`, increasing from -∞ to ∞: `f(ε) = y + H s⁺` has one solution ε for every y and s⁺.
 
     - `frame`: `now`, ψ.
     - `surface`: φ.
@@ -57,7 +57,7 @@ class Barrier(eqx.Module):
         - `at_guess`: value and slope at the guess.
         """
         size = jnp.abs(target)
-        # φ alone reaches the target there, and both parts have its sign.
+        # At this ε, φ alone reaches the target; ψ and φ have the target's sign.
         far = 1.0 + self.surface.reach(size / self.horizon)
         bracket = (jnp.where(target < 0, -far, -1.0), jnp.where(target > 0, far, 1.0))
         tolerance = PRECISION * self.horizon + ROUNDING * size
@@ -65,15 +65,15 @@ class Barrier(eqx.Module):
 
 
 class Plan(eqx.Module):
-    """Start of a plan, with the surface at a guess of its end.
+    """Start of a plan, with ψ, φ and f evaluated at a guess of the plan's end.
 
     - `barrier`: the equation of the plan.
     - `y`: led error [n], rad or m.
     - `v`: velocity error [n], rad/s or m/s.
     - `s`: sliding variable [n], rad/s or m/s.
     - `eps`: the guess, a transformed error [n].
-    - `psi`, `psi_slope`: ψ there and its derivative [n].
-    - `value`, `slope`: f there and its derivative [n].
+    - `psi`, `psi_slope`: ψ at the guess and its derivative [n].
+    - `value`, `slope`: f at the guess and its derivative [n].
     """
 
     barrier: Barrier
@@ -102,9 +102,9 @@ class Plan(eqx.Module):
         return ((self.barrier.frame.ahead * psi - self.y) / horizon - self.v) / horizon
 
     def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
-        """Return the ε at its end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
+        """Return the ε at the plan's end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
 
-        - `s_next`: the sliding variable s⁺ at its end [n], rad/s or m/s.
+        - `s_next`: the sliding variable s⁺ at the plan's end [n], rad/s or m/s.
         """
         frame, horizon = self.barrier.frame, self.barrier.horizon
         eps = self.barrier.solve(self.y + horizon * s_next, self.eps, (self.value, self.slope))
@@ -151,7 +151,7 @@ class ReachingStep(eqx.Module):
 
     - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
     - `memory`: memory of the reaching law, for the next sample.
-    - `cover`: largest disturbance that it covers, N m; None without a bound.
+    - `cover`: largest disturbance torque that the law compensates, as a norm, N m; None without a bound.
     - `signals`: inner quantities by name.
     """
 
@@ -171,15 +171,15 @@ class AbstractSurfaceStep(AbstractStep):
     3. `v⁺ = (ρ_a ψ(ε) - y)/H`: the velocity error at the end of the horizon;
     4. `q̈ = q̈_r + (v⁺ - ė)/H`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
 
-    Without a disturbance y moves to `(1 - h/H) y + (h/H) ρ_a ψ(ε)` in one period, and e to a convex mean of itself and
-    both y. Neither leaves the envelope (docs/sampled-data.md). Each step has exactly one solution for every
-    measurement, inside or outside.
+    Without a disturbance y moves to `(1 - h/H) y + (h/H) ρ_a ψ(ε)` in one period, and e to a convex mean of e, y, and y
+    one period later. Neither leaves the envelope (docs/sampled-data.md). Each step has exactly one solution for every
+    measurement, inside or outside the envelope.
     """
 
     nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
     transformation: AbstractTransformation = piece("as in the printed law: e to ε1")
     surface: AbstractSurface = piece("as in the printed law: φ(ε1)")
-    recovery: Recovery | None = piece("what to do outside the envelope; without it, return to the prescribed one")
+    recovery: Recovery | None = piece("policy outside the envelope; None: return to the prescribed envelope")
     plans: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
@@ -292,7 +292,7 @@ class AbstractSurfaceStep(AbstractStep):
 
 
 def _slowness(moment: StepInput) -> Vector:
-    """1/a, with the acceleration a of each joint within the limits, for the arm's weight and coupled inertia."""
+    """1/a [n], s²/rad or s²/m: a is each joint's acceleration within the torque limits, under the arm's weight."""
     limit = moment.limits.torque
     mass: Matrix = jnp.abs(moment.mass)
     return jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)
@@ -347,7 +347,7 @@ class TwistingStep(AbstractSurfaceStep):
     """
 
     k1: PerJoint = parameter("gain of the square root of s", "rad^½/s^(3/2) or m^½/s^(3/2)", "> 0")
-    k2: PerJoint = parameter("gain of the integral of its sign", "rad/s³ or m/s³", "> 0")
+    k2: PerJoint = parameter("gain of the integral of the sign of s", "rad/s³ or m/s³", "> 0")
 
     def reach_init(self) -> Vector:
         return jnp.zeros(self.nominal.joints)

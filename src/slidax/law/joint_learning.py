@@ -21,18 +21,18 @@ STRONGEST = 1e6
 """N m or N: largest credible torque."""
 
 STEADY = 1e-3
-"""Share of the kept information that is added to the normal equations, so that they can always be solved."""
+"""Share of `window` and `coulomb_window` that is added to the normal equations, so that they can always be solved."""
 
 
 class Learning(eqx.Module):
     """Memory of the learning.
 
-    - `positions`: the last two measured positions, the newest first.
+    - `positions`: the last two measured positions, the newest first [2 n].
     - `tau`: torque of the period before the last measurement [n].
     - `elapsed`: time since the start or the last gap, until the filter has settled [s].
     - `begun`: True after the first sample.
-    - `stages`: stages of the band-pass, for torque, acceleration and direction of motion.
-    - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: of inertia, of both, of friction.
+    - `stages`: states of the band-pass, for torque, acceleration and direction of motion.
+    - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: the information matrix of inertia and friction.
     - `rotor`, `coulomb`: the estimates [n].
     - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].
     """
@@ -65,8 +65,8 @@ class JointLearning(AbstractAdaptation):
     - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
       with `z = y - f c`: a torque that moves the joint is in phase with its acceleration; the weight of a payload that
       is taken up or released is not.
-    - J stays between `rotor_min` less 0.6 of the links' share and `rotor_max` plus the links' share, f in
-      [0, coulomb_max]. M̂ is therefore positive definite and bounded for all measurements.
+    - With the links' inertia `L = M0_ii - J0`, J stays in `[rotor_min - 0.6 L, rotor_max + L]`, and f in
+      `[0, coulomb_max]`. M̂ is therefore positive definite and bounded for all measurements.
 
     Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Astrom and Wittenmark,
     Adaptive Control, 1995.
@@ -82,15 +82,15 @@ class JointLearning(AbstractAdaptation):
     low: Scalar = parameter("lower end of the band", "rad/s", "> 0", default=15.0)
     high: Scalar = parameter("upper end of the band", "rad/s", "> low", default=200.0)
     gate: PerJoint = parameter(
-        "least acceleration in the band that teaches inertia", "rad/s² or m/s²", ">= 0", default=0.2
+        "least band-passed acceleration from which inertia is learnt", "rad/s² or m/s²", ">= 0", default=0.2
     )
-    gate_direction: PerJoint = parameter("least c in the band that teaches friction", "", ">= 0", default=0.05)
-    coherence: Scalar = parameter("least squared coherence that teaches inertia", "", "[0, 1)", default=0.8)
-    recent: Scalar = parameter("time over which the coherence is taken", "s", "> 0", default=0.015)
+    gate_direction: PerJoint = parameter("least band-passed c from which friction is learnt", "", ">= 0", default=0.05)
+    coherence: Scalar = parameter("least squared coherence from which inertia is learnt", "", "[0, 1)", default=0.8)
+    recent: Scalar = parameter("averaging time of the coherence", "s", "> 0", default=0.015)
     prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
-    window: PerJoint = parameter("information that is kept of J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
+    window: PerJoint = parameter("largest information about J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
     coulomb_prior: PerJoint = parameter("information in the first guess of f", "s", "> 0", default=0.02)
-    coulomb_window: PerJoint = parameter("information that is kept of f", "s", ">= coulomb_prior", default=0.5)
+    coulomb_window: PerJoint = parameter("largest information about f", "s", ">= coulomb_prior", default=0.5)
 
     def init(self, measured: State) -> Learning:
         nothing = jnp.zeros_like(measured.q)
@@ -126,7 +126,7 @@ class JointLearning(AbstractAdaptation):
         settled = self.recent + 2.0 * h
         elapsed = jnp.where(experience.missed, 0.0, jnp.minimum(memory.elapsed + h, settled + h))
         period_ended = elapsed > 2.5 * h
-        # At the first sample the arm is held: it does not accelerate, and its torque has been constant for long.
+        # Assumption at the first sample: the arm has been at rest under a constant torque for a long time.
         held = jnp.stack([jnp.clip(torque, -STRONGEST, STRONGEST), jnp.zeros_like(ddq), direction])
         stages = jnp.where(memory.begun, memory.stages, settled_stages(held))
         stages = jnp.where(period_ended, filter_step(stages, signals, self.low, self.high, h), stages)
@@ -179,15 +179,15 @@ class JointLearning(AbstractAdaptation):
         arms (docs/learning.md); the limits are 0.0005 and 0.1 kg m² for each N m. The upper end of the band is
         200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed 0.2 rad/s².
 
-        - `mass`: inertia matrix of the nominal arm where it works [n n].
-        - `rotors`: J0, its rotor inertia, one number or [n], kg m² or kg; None for an arm whose model has no rotors.
+        - `mass`: inertia matrix of the nominal arm at a working posture [n n].
+        - `rotors`: J0, the model's rotor inertia, one number or [n], kg m² or kg; None for a model without rotors.
         - `torque`: rated torque of each joint, one number or [n], N m or N; if it is inf, the torque that accelerates
           the joint's own inertia by 25 rad/s² takes its place.
         - `deviation`: standard deviation of a measured position, one number or [n], rad or m.
         - `period`: h [s].
         - `parameters`: parameters that replace the computed ones.
 
-        Raises DefinitionError if one of them is out of its range.
+        Raises DefinitionError if a parameter is out of its range.
         """
         inertia = np.diagonal(np.asarray(mass, float))
         counted = np.broadcast_to(np.asarray(0.0 if rotors is None else rotors, float), inertia.shape)
@@ -217,7 +217,7 @@ CLEAR = 3.0
 """`gate` over the standard deviation of the encoder noise in the band."""
 
 GUESS, LEAST, LARGEST = 0.002, 0.0005, 0.1
-"""kg m² of rotor inertia for each N m of rated torque: the first guess, the least and the largest."""
+"""Rotor inertia for each N m of rated torque [kg m²]: the first guess, the least and the largest."""
 
 USUAL_ACCELERATION = 25.0
-"""rad/s²: acceleration that determines a rated torque that is not known."""
+"""rad/s²: acceleration of a joint under its rated torque, if that torque is not known."""

@@ -1,4 +1,4 @@
-"""Closed loop of one joint near its goal, linearised: a sampling period as a linear map, its stability and noise."""
+"""Linearised closed loop of one joint near its goal: one sampling period as a linear map, its stability and noise."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .kalman import Kalman, StrongTracking
 from .sampled.controller import SampledData
 
 INPUTS = ("position noise", "velocity noise", "target", "disturbance", "disturbance at the end")
-"""Inputs: noise of a measurement, the target `A ψ(ε)` of a plan, and an acceleration disturbance of
-the arm, linear over the period."""
+"""Inputs: noise of the measured position and velocity; the target `A ψ(ε)` of a plan; and the arm's acceleration
+disturbance at the start and at the end of the period, linear between them."""
 
 OUTPUTS = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
-"""Outputs: e and ė of the arm when the period's new torque sets in or, with a fractional delay, so long
-after a sample; the led error ŷ and the velocity that are predicted; the acceleration that is commanded, with and
-without the estimate's compensation; and the estimate ŵ after this sample."""
+"""Outputs: e and ė of the arm when a new torque sets in, a fractional delay after a sample; the predicted led error ŷ
+and velocity; the commanded acceleration with and without the compensation of the estimated disturbance; and the
+estimate ŵ after this sample."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class LinearLoop:
 
     @classmethod
     def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
-        """The loop of one joint; None for a law without a plan, or an estimator that is not linear.
+        """Return the loop of one joint; None for a law without a plan, or an estimator that is not linear.
 
-        A filter whose bandwidth grows while its innovations are large counts with the bandwidth of small ones.
+        A `StrongTracking` filter, whose bandwidth grows with large innovations, counts with its least bandwidth.
 
         - `law`: law in sampled-data form.
         - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
@@ -89,25 +89,24 @@ class LinearLoop:
 
     @property
     def bandwidth(self) -> float:
-        """The ω of the estimator [rad/s]: a steady Kalman filter is of third order with `L3 h² = (ω h)³`.
-
-        For `Measured`, `g/h`.
-        """
+        """Bandwidth ω of the estimator [rad/s]: `L3 h² = (ω h)³` for a Kalman filter, `ω = g/h` for `Measured`."""
         gain, _, three = self.gains
         return (gain if self.measures_velocity else float(np.cbrt(three))) / self.h
 
     def radius(self, kappa: float = 1.0, delay: float | None = None) -> float:
-        """The largest modulus of an eigenvalue over one period; below 1 the loop is stable.
+        """Return the spectral radius of the loop over one period; below 1 the loop is stable.
 
         - `kappa`: κ, nominal over true inertia.
-        - `delay`: the true one [periods]; as believed if None.
+        - `delay`: the true delay [periods]; None for the believed one.
         """
         return float(np.max(np.abs(np.linalg.eigvals(self.maps(kappa, delay).step))))
 
     def stable_range(self, delay: float | None = None) -> tuple[float, float]:
-        """The κ around 1 for which the loop is stable, within [1/64, 64]; (nan, nan) if it is not at 1.
+        """Return the range of κ around 1 in which the loop is stable, within [1/64, 64].
 
-        - `delay`: the true one [periods]; as believed if None.
+        The result is (nan, nan) if the loop is unstable at κ = 1.
+
+        - `delay`: the true delay [periods]; None for the believed one.
         """
         ends = []
         if self.radius(1.0, delay) >= 1.0:
@@ -130,7 +129,10 @@ class LinearLoop:
         return ends[0], ends[1]
 
     def noise(self, variance: float, kappa: float = 1.0) -> tuple[float, float]:
-        """Standard deviations of the position [rad or m] and of a command's step [rad/s² or m/s²]; inf if unstable.
+        """Return two standard deviations; both are inf if the loop is unstable.
+
+        The first is that of the position [rad or m], the second that of the commanded acceleration's change from sample
+        to sample [rad/s² or m/s²].
 
         - `variance`: variance of a measured position, white [rad² or m²].
         - `kappa`: κ, nominal over true inertia.
@@ -150,10 +152,10 @@ class LinearLoop:
         return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
 
     def maps(self, kappa: float = 1.0, delay: float | None = None) -> LoopMaps:
-        """One period of the loop, with its inputs and outputs.
+        """Return the linear map of one period of the loop, with its inputs and outputs.
 
         - `kappa`: κ, nominal over true inertia.
-        - `delay`: the true one [periods]; as believed if None.
+        - `delay`: the true delay [periods]; None for the believed one.
         """
         delay = self.believed if delay is None else delay
         delayed, believed = math.ceil(delay), math.ceil(self.believed)

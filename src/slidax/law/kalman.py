@@ -25,15 +25,15 @@ Three = Float[Array, "3 3"]
 
 
 def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."]:
-    """The steady-state gains [3] or [3 n] for `q⃛ = w`, with w white, and a position measured once a period.
+    """Return the steady-state gains [3] or [3 n] for `q⃛ = w`, with w white, and a position measured once a period.
 
-    They are dimensionless, times 1, 1/h and 1/h², functions of `density h⁵/variance` alone.
+    L1, L2 h and L3 h² are dimensionless, and depend on `density h⁵/variance` alone.
 
     - `density`: spectral density of w, one number or [n], (rad/s³)² s or (m/s³)² s, > 0.
     - `variance`: variance of the measured position, one number or [n], rad² or m², > 0.
     - `period`: h [s], > 0.
 
-    Raises DefinitionError if one of them is out of its range.
+    Raises DefinitionError if an argument is out of its range.
     """
     values = [as_array(value) for value in (density, variance, period)]
     for name, value, unit in zip(("density", "variance", "period"), values, ("rad²/s⁵", "rad²", "s"), strict=True):
@@ -53,10 +53,10 @@ def _steady(spread: Any, noise: Any, h: Any) -> Any:
 
 
 def _gains(ratio: Scalar) -> Float[Array, "3"]:
-    """The gains for a period of 1 and a variance of 1.
+    """Return the gains for a period of 1 and a variance of 1.
 
-    The unit of time is about the settling time of the filter, so that the matrices are well conditioned however slow it
-    is: a step is then `d = ratio^(1/6)`, or 1 for a fast one.
+    The unit of time is about the settling time of the filter, so that the matrices are well conditioned for a slow
+    filter, too. One period is then `d = ratio^(1/6)`, or 1 for a fast filter.
     """
     d = jnp.minimum(ratio ** (1.0 / 6.0), 1.0)
     unit, nil = jnp.ones_like(d), jnp.zeros_like(d)
@@ -126,7 +126,7 @@ class Kalman(AbstractEstimator):
     )
 
     inertia: Vector | None = parameter(
-        "inertia that the gains belong to, if they follow the learnt inertia", "kg m² or kg", "> 0", default=None
+        "inertia for which the gains hold, if they follow the learnt inertia", "kg m² or kg", "> 0", default=None
     )
     pace: Vector | None = parameter(
         "d, the filter's bandwidth at that inertia times the period, (density h⁵/variance)^(1/6)",
@@ -142,14 +142,14 @@ class Kalman(AbstractEstimator):
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
-        """The steady-state filter for a disturbance that drifts as a random walk.
+        """Return the steady-state filter for a disturbance that drifts as a random walk.
 
-        - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The standard
-          deviation of what the disturbance drifts by in a time t is `√(density t)`.
+        - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The disturbance's
+          drift in a time t has the standard deviation `√(density t)`.
         - `variance`: variance of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
 
-        Raises DefinitionError if one of them is out of its range.
+        Raises DefinitionError if an argument is out of its range.
         """
         return cls(steady_gains(density, variance, period))
 
@@ -157,20 +157,20 @@ class Kalman(AbstractEstimator):
     def of_arm(
         cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY, fastest: Any = None
     ) -> Kalman:
-        """The steady filter for a disturbance torque with the same drift on all joints, each with its own inertia.
+        """Return the steady filter for a disturbance torque with the same drift on all joints.
 
-        The filter stores only the gains, so that a sample costs three products. They can be batched and differentiated
-        with respect to every argument: construct the filter inside `vmap` or `grad`.
+        Each joint's gains follow from its own inertia. The gains can be batched and differentiated with respect to
+        every argument: construct the filter inside `vmap` or `grad`.
 
-        - `mass`: inertia matrix of the nominal arm where it works [n n], kg m², kg m, kg.
+        - `mass`: inertia matrix of the nominal arm at a working posture [n n], kg m², kg m, kg.
         - `variance`: variance of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
         - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
           its effect.
-        - `fastest`: largest d, bandwidth times period; a joint whose filter would be faster gets the one of coarser
-          encoders. None: no limit.
+        - `fastest`: largest d, bandwidth times period. A joint whose filter would be faster gets the filter for
+          encoders coarse enough to keep this limit. None: no limit.
 
-        Raises DefinitionError if one of them is out of its range.
+        Raises DefinitionError if an argument is out of its range.
         """
         torque_density = as_array(torque_density)
         if not is_traced(torque_density) and not np.all((np.asarray(torque_density) > 0) & np.isfinite(torque_density)):
@@ -184,11 +184,11 @@ class Kalman(AbstractEstimator):
         return cls(steady_gains(density, variance, period), inertia, pace)
 
     def for_inertia(self, inertia: Vector) -> Kalman:
-        """The gains for joints of another inertia.
+        """Return the filter for joints of another inertia Î.
 
-        The disturbance's density is that of the torque over Î², and the pace d of a filter is the sixth root of its
-        density: it becomes `d (I/Î)^(1/3)`. The gains change as those of `paced` do: by `(I/Î)^(1/3)` and its square
-        and cube for a slow filter, and hardly for a fast one.
+        The density of the acceleration is the density of the torque over Î², and the pace d is proportional to the
+        sixth root of the former: d becomes `d (I/Î)^(1/3)`. The gains change in the ratio of `paced`: by `(I/Î)^(1/3)`,
+        its square and its cube for a slow filter, and hardly for a fast one.
         """
         if self.inertia is None or self.pace is None:
             return self
@@ -202,7 +202,7 @@ class Kalman(AbstractEstimator):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
     ) -> tuple[Estimate, tuple[()]]:
-        """The prediction, corrected in proportion to the residual."""
+        """Return the prediction, corrected in proportion to the residual."""
         residual = measured.q - prior.state.q
         usual = Estimate(
             state=State(
@@ -211,30 +211,30 @@ class Kalman(AbstractEstimator):
             ),
             disturbance=prior.disturbance + self.gains[2] * residual,
         )
-        # A gap that is shorter than what the filter remembers changes little of what it knows.
+        # After a gap that is shorter than the filter's memory, the filter's state is still valid.
         forgotten = missed & (self.gains[1] * elapsed > 2.0)
         return reset_position(measured, prior, elapsed, forgotten, usual), ()
 
 
 SURPRISE = 4.0
-"""Innovation over the deviation of a measured position from which the bandwidth grows."""
+"""Smallest innovation, over the standard deviation of a measured position, that makes the bandwidth grow."""
 
 ALERT_TIME = 0.015
 """s: time constant with which the bandwidth falls again."""
 
 BUDGET, REST = 0.02, 0.3
-"""s: time for which a bandwidth may be doubled, and the time constant with which it is forgotten."""
+"""s: time for which a bandwidth may be doubled, and the time constant with which past growth is forgotten."""
 
 FASTEST_GROWN = 0.3
-"""Largest d that a bandwidth grows to."""
+"""Largest d, bandwidth times period, to which a bandwidth may grow."""
 
 
 class TrackingMemory(eqx.Module):
     """Memory of a filter whose bandwidth grows.
 
-    - `growth`: p - 1 of each joint [n].
-    - `trail`: sum of the innovations over σ [n], forgotten like the growth.
-    - `spent`: recent time with growth, times the growth [n], s.
+    - `growth`: growth p - 1 of each joint's bandwidth [n].
+    - `trail`: sum of the innovations over σ [n], which decays like the growth.
+    - `spent`: integral of the recent growth over time [n], s.
     """
 
     growth: Vector
@@ -245,14 +245,15 @@ class TrackingMemory(eqx.Module):
 class StrongTracking(AbstractEstimator):
     """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
 
-    With the innovation `(q' - q_predicted)/σ` and the sum of those before, each forgotten with T = 15 ms, x is the
-    smaller magnitude of both, or 0 if their signs differ. The pace d of each joint's filter becomes `p d`,
+    The innovation is `(q' - q_predicted)/σ`; the sum of the earlier innovations decays with T = 15 ms. x is the smaller
+    magnitude of both, or 0 if their signs differ. The pace d of each joint's filter becomes `p d`,
     `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, and at most 0.3. A sudden disturbance is then estimated in
     about half the time, and the noise of the undisturbed loop is as before. A single wrong measurement is no
     disturbance: the innovations after it have the other sign.
 
-    A faster filter bears less of a model that is too heavy: p - 1 is scaled by the share of the arm's model in use, and
-    fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot hold it up.
+    A faster filter tolerates less overestimation of the inertia. p - 1 is therefore scaled by the weight of the learnt
+    model in use. It fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot keep
+    the bandwidth high.
 
     Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
     bandwidth grows, since the gains are fixed.
@@ -262,7 +263,7 @@ class StrongTracking(AbstractEstimator):
 
     filter: Kalman = piece("the filter without growth, with a pace")
     deviation: Vector = parameter("σ, standard deviation of a measured position", "rad or m", "> 0")
-    growth: Scalar = parameter("largest growth of the bandwidth", "", ">= 1", default=2.0)
+    growth: Scalar = parameter("largest factor of the bandwidth", "", ">= 1", default=2.0)
     share: Scalar = parameter("share of the growth that is allowed", "", "[0, 1]", default=1.0)
 
     def __check_init__(self) -> None:
@@ -305,7 +306,7 @@ class StrongTracking(AbstractEstimator):
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:
-    """`L1, L2 h, L3 h²` of the filter whose errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, [3 n].
+    """Return `L1, L2 h, L3 h²` of the filter whose errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, [3 n].
 
     These are the poles of a slow steady filter (Butterworth's). Its characteristic polynomial is
     `z³ + (L1 + L2 h + L3 h²/2 - 3) z² + (3 - 2 L1 - L2 h + L3 h²/2) z + L1 - 1`.
@@ -325,7 +326,7 @@ def paced(pace: Vector) -> Float[Array, "3 n"]:
 # Jitted as a whole: JAX would otherwise compile each operation separately.
 @jax.jit
 def _paces(mass: Any, torque_density: Any, variance: Any, period: Any) -> tuple[Any, Any, Any]:
-    """The diagonal of the inertia, the density of the disturbance, and d."""
+    """Return the diagonal of the inertia, the density of the disturbance's acceleration, and d, [n] each."""
     inertia = jnp.diagonal(mass)
     density = torque_density / (inertia * inertia)
     return inertia, density, jnp.clip(density / variance * period**5, 1e-18, 1e18) ** (1.0 / 6.0)

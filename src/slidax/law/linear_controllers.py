@@ -29,7 +29,7 @@ class JointPID(AbstractModelBased):
     kp: PerJoint = parameter("diagonal of Kp", "N m/rad or N/m", "> 0", STABLE, default=400.0)
     ki: PerJoint = parameter("diagonal of Ki", "N m/(rad s) or N/(m s)", ">= 0", STABLE, default=800.0)
     kd: PerJoint = parameter("diagonal of Kd", "N m s/rad or N s/m", "> 0", STABLE, default=100.0)
-    gravity: Scalar = parameter("g, which share of the nominal arm's weight is compensated", "", "[0, 1]", default=0.0)
+    gravity: Scalar = parameter("g, compensated share of the nominal arm's weight", "", "[0, 1]", default=0.0)
     limit: PerJoint | None = parameter(
         "torque at which the integral stops", "N m or N", "> 0", default=None, source="the drives' limit, if known"
     )

@@ -30,8 +30,8 @@ from .torque_bounds import StateBound, UncertaintyBound
 class PresetPart:
     """A part of a preset, with the parameter values of the preset.
 
-    - `part`: its class.
-    - `values`: by parameter; the call must contain the missing ones.
+    - `part`: class of the part.
+    - `values`: parameter values by name. A call of the preset must contain the missing ones.
     """
 
     def __init__(self, part: type[eqx.Module], **values: Any) -> None:
@@ -54,7 +54,7 @@ class Preset:
     - `law`: the class of the controller.
     - `title`: one line, then a longer description.
     - `source`: source of the values.
-    - `values`: parts, as `PresetPart`, and parameter values, by the fields of the law.
+    - `values`: parts, as `PresetPart`, and parameter values, by field of the law.
     """
 
     def __init__(self, law: type[AbstractController], title: str, *, source: str = "", **values: Any) -> None:
@@ -89,11 +89,11 @@ class Preset:
         return _build(self.law, {"nominal": nominal, **parts})
 
     def placed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with each parameter moved under the name of its part.
+        """Return the values with each parameter of a part moved under the name of the part.
 
-        - `values`: by field of the law, or by parameter of just one of its parts.
+        - `values`: values by field of the law, or by parameter of just one of its parts.
 
-        Raises DefinitionError for a name that no part has, or several.
+        Raises DefinitionError for a name that no part has, or that several parts have.
         """
         own = {parameter.name for parameter in self._own()}
         placed: dict[str, Any] = {name: value for name, value in values.items() if name in own}
@@ -119,7 +119,7 @@ class Preset:
 
     @property
     def complete(self) -> bool:
-        """True if it has every part of its law, so that only parameters of the task and the arm are missing."""
+        """True if the preset has every part of its law: only parameters of the task and the arm are then missing."""
         return all(parameter.name in self.values for parameter in self._own() if parameter.required)
 
     def owners(self, name: str) -> list[str]:
@@ -196,8 +196,8 @@ sfsmc = Preset(
     """Singularity-free fixed-time sliding mode (SFSMC), the paper's [24].
 
     `s = ė + C1 S_α(e) + C2 Sig^β(e)`; `u = (k + a0 + a1‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, a0 as b0 and a1 as b2: the law
-    has no b1. The paper prints its parameters, not its law: reconstructed, confidence medium; of Example 4.2 it gives
-    the first torque of joint 3 as 44.4 N, where the paper prints 45.37 N.
+    has no b1. The paper prints its parameters, not its law: reconstructed, confidence medium. In Example 4.2 the first
+    torque of joint 3 is 44.4 N, where the paper prints 45.37 N.
     """,
     source="Table 2",
     transformation=PresetPart(Unconstrained),

@@ -20,25 +20,27 @@ from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class AbstractReaching(AbstractPart):
-    """The torque that drives s to zero: a continuous term of known size, and a switching one of size u."""
+    """The torque that drives s to zero: a continuous term, and a switching term whose size is the robust torque u."""
 
     @abstractmethod
     def continuous_term(self, s: Vector) -> Vector:
-        """The continuous part of that torque, against the signs of s, [n], N m or N; 0 at s = 0.
+        """Return the continuous term P(s), with the signs of s, [n], N m or N; 0 at s = 0. The torque is `-P(s)`.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
     def switching_direction(self, s: Vector) -> Vector:
-        """Negative direction of the switching part, [n], along s, no longer than 1; 0 at s = 0.
+        """Return the switching direction N(s) along s, of length 1 or less, [n]; 0 at s = 0. The torque is `-u N(s)`.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, P and N the two terms, [n]: the law held to the end of a step.
+        """Return s⁺ [n] of an implicit Euler step, `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`.
+
+        P is the continuous term, N the switching direction.
 
         - `metric`: A = M0/H, symmetric positive definite [n n].
         - `s`: sliding variable [n], rad/s or m/s.
@@ -64,13 +66,13 @@ class Reaching(Protocol):
     layer: Scalar
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """The continuous term and its derivative, [n].
+        """Return the continuous term and its derivative, [n].
 
         - `s`: sliding variable [n].
         """
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """Point after a Newton step, in coordinates in which the continuous term is nearly linear, [n].
+        """Return s after a Newton step in coordinates in which the continuous term is nearly linear, [n].
 
         - `s`: sliding variable [n].
         - `step`: Newton step of s [n].
@@ -87,13 +89,13 @@ class _ProximalSearch(eqx.Module):
 
 
 def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-    """The s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the whole unit ball.
+    """Return the s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the unit ball.
 
     The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0
-    it is exactly zero where `‖A s‖ <= u`. Else Newton's steps lead to it, from the root without P; one that does not
-    halve the residual r is taken again with the chords of P, and then shorter until it is better. The residual never
-    grows. The distance to s⁺ is at most ‖r‖ over A's least eigenvalue, as the right-hand side is monotone. The
-    derivative is that of the solution, by the implicit function theorem.
+    it is exactly zero where `‖A s‖ <= u`. Otherwise Newton's method finds it, beginning at the root without P. A step
+    that does not halve the residual r is repeated with the chords of P as slopes, and then shortened until the residual
+    decreases. The residual never grows. The distance to s⁺ is at most ‖r‖ over A's least eigenvalue, as the right-hand
+    side is monotone. The derivative is that of the solution, by the implicit function theorem.
     Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
 
     - `reaching`: P and s0.
@@ -107,7 +109,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
 def _residual_and_jacobian(
     reaching: Any, metric: Matrix, target: Vector, u: Scalar, s: Vector, careful: Any = False
 ) -> tuple[Vector, Matrix]:
-    """Residual of the equation at s, and its derivative.
+    """Return the residual of the equation at s, and its derivative.
 
     For exponents below one, Newton steps oscillate around zero. With `careful`, the slope of a power is at least its
     chord from zero, and the steps converge from everywhere.
@@ -128,7 +130,7 @@ def _residual_and_jacobian(
 def _direction(
     reaching: Any, metric: Matrix, target: Vector, u: Scalar, s: Vector, careful: Bool[Array, ""]
 ) -> tuple[Vector, Scalar]:
-    """Newton's step from s, and the residual's length there."""
+    """Return Newton's step from s, and the norm of the residual at s."""
     residual, jacobian = _residual_and_jacobian(reaching, metric, target, u, s, careful)
     return -solve_symmetric(jacobian, residual), vector_norm(residual)
 
@@ -144,7 +146,7 @@ def _solve_proximal_step(reaching: Any, metric: Matrix, s: Vector, u: Scalar) ->
         stiffness = jnp.sum(target * matvec(metric, target)) / jnp.maximum(size * size, TINY)
         half = 0.5 * (stiffness * layer + u - size)
         root = jnp.sqrt(half * half + stiffness * layer * size)
-        # The form without a difference of like numbers.
+        # This form avoids the difference of two nearly equal numbers.
         length = jnp.where(half > 0, layer * size / jnp.maximum(half + root, TINY), (root - half) / stiffness)
         # With that length in the unit vector's denominator the equation is linear, which corrects the direction.
         share = u / jnp.maximum(jnp.maximum(length, 0.0) + layer, TINY)
@@ -264,7 +266,7 @@ LEAST = 1e-30
 
 
 class TwoPowerReaching(AbstractReaching):
-    """`-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, with `v1 > 1 > v2`: fast from far, and finite in time when near.
+    """`-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, `v1 > 1 > v2`: fast far from s = 0, in finite time near it.
 
     The reaching law of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2;
     confidence medium.
@@ -299,14 +301,14 @@ class TwoPowerReaching(AbstractReaching):
         return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * near_slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """The s after a step along the tangent of `sig^v2`, [n], with which Newton does not jump over zero."""
+        """Return s after a step along the tangent of `sig^v2`, [n], with which Newton does not jump over zero."""
         ratio, slope = self._near(s)
         near = s * ratio + slope * step
         straight, _ = self._near(jnp.zeros_like(s))
         return jnp.where(jnp.abs(near) > LEAST * straight, sig(near, 1.0 / self.v2), near / straight)
 
     def _near(self, s: Vector) -> tuple[Vector, Vector]:
-        """`|s|^(v2 - 1)` and the slope of `sig^v2`, which is infinite at 0 but for the straight line there."""
+        """`|s|^(v2 - 1)` and the slope of `sig^v2`; within `LEAST` of 0 a straight line keeps both finite."""
         ratio = power(jnp.maximum(jnp.abs(s), LEAST), self.v2 - 1.0)
         return ratio, jnp.where(jnp.abs(s) > LEAST, self.v2, 1.0) * ratio
 
@@ -315,10 +317,10 @@ class TwoPowerReaching(AbstractReaching):
 
 
 SWEEPS = 2000
-"""Largest number of sweeps; ten to fifty are enough for arms."""
+"""Largest number of sweeps over the joints; ten to fifty are enough for arms."""
 
 PRECISION = 2e-13
-"""The residual that is reached, relative to 1 and the target."""
+"""Tolerance of the residual, relative to 1 plus the size of `A s`."""
 
 
 class SaturatedReaching(AbstractReaching):
@@ -330,7 +332,7 @@ class SaturatedReaching(AbstractReaching):
     title = "The textbook reaching law: damping, and a saturated torque for each joint."
 
     damping: PerJoint = parameter("diagonal of K_D", "N m s/rad or N s/m", ">= 0", "(K_D; Slotine and Li, 1991)")
-    weights: PerJoint = parameter("w, each joint's share of u, ‖w‖ <= 1", "", "[0, 1]", "a joint's share of u")
+    weights: PerJoint = parameter("w, each joint's share of u, ‖w‖ <= 1", "", "[0, 1]", "as a joint's share of u")
     layer: PerJoint = parameter(
         "φ, half-width of the boundary layer", "rad/s or m/s", ">= 0", "(the boundary layer φ; 0 gives the sign)"
     )
@@ -344,7 +346,7 @@ class SaturatedReaching(AbstractReaching):
         return self.weights * saturation(s, self.layer)
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n], by exact sweeps over the joints, which converge for every SPD A."""
+        """Return s⁺ of the implicit step, [n], by Gauss-Seidel sweeps over the joints; these converge for any SPD A."""
         return _step(self, metric, s, u)
 
 

@@ -30,7 +30,7 @@ class SlidingMode(AbstractSurfaceBased):
     Signals: `s` [n], `eps1` [n], `eps2` [n], `u`.
     """
 
-    reaching: AbstractReaching = piece("how s is driven to zero: K0, r and s0")
+    reaching: AbstractReaching = piece("reaching law, which drives s to zero: K0, r and s0")
     bound: AbstractBound = piece("u, the size of the robust torque")
 
     def __call__(
@@ -82,7 +82,7 @@ class SlotineLi(AbstractSurfaceBased):
         return Command(tau=tau, memory=memory, signals=now.signals)
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
-        """Return the law as an implicit step, with `u = ‖K‖` and each joint's share of u."""
+        """Return the law as an implicit step, with `u = ‖K‖` and K/u as each joint's share of u."""
         gain = jnp.broadcast_to(self.gain, (self.joints,))
         size = vector_norm(gain)
         reaching = SaturatedReaching(self.damping, gain / jnp.where(size > 0, size, 1.0), self.layer)
@@ -119,7 +119,7 @@ class SuperTwisting(AbstractSurfaceBased):
         "gain of the square root of s; `1.5 √L`", "rad^½/s^(3/2) or m^½/s^(3/2)", "> 0", "(Moreno and Osorio, 2012)"
     )
     k2: PerJoint = parameter(
-        "gain of the integral of its sign; `1.1 L`", "rad/s³ or m/s³", "> 0", "(Moreno and Osorio, 2012)"
+        "gain of the integral of the sign of s; `1.1 L`", "rad/s³ or m/s³", "> 0", "(Moreno and Osorio, 2012)"
     )
 
     def init(self, t: Scalar, state: State, reference: Reference) -> TwistingMemory:
@@ -241,7 +241,7 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
         source="Table 2",
     )
     adaptation: Float[Array, "3"] = parameter(
-        "λ0, λ1, λ2: how fast b̂0, b̂1, b̂2 are learnt",
+        "λ0, λ1, λ2: adaptation rates of b̂0, b̂1, b̂2",
         "",
         ">= 0",
         "(λ0, λ1, λ2, [10])",

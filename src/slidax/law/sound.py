@@ -1,4 +1,4 @@
-"""Check of a law from outside the package, before it is simulated or exported."""
+"""Check of a user's own law before it is simulated or exported."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ PACKAGE = __name__.partition(".")[0]
 
 
 def require_sound_law(controller: AbstractController) -> None:
-    """Check each law from outside the package in a controller: it can be traced, and its command fits.
+    """Check each law in a controller that is defined outside this package.
+
+    The law must be traceable by JAX, and its command must have the required form.
 
     Raises DefinitionError with the file, the line, the rule and the remedy.
     """
@@ -77,14 +79,17 @@ def _require(key: _Key) -> None:
         _require_arrays(value, f"the signal `{name}`" if name else "`signals`, a dictionary of arrays,", where)
     if not text or _traced(law, t, state, reference, reference, shapes)[0] != text:
         raise DefinitionError(
-            f"{where}: the law is another one each time it is traced, and a number that Python draws or keeps stays in "
-            "it for good: take random numbers from `jax.random` with a key in the memory, and pass all else that "
-            "changes as memory"
+            f"{where}: the law depends on a Python value that changes from call to call, such as a random number or a "
+            "list, but a compiled law keeps its first value: take random numbers from `jax.random` with a key in the "
+            "memory, and keep all other changing values in the memory"
         )
 
 
 def _traced(function: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
-    """The text of a law's program with its numbers, empty if it holds an array of another trace, and its result."""
+    """Return a function's traced program as text with its constants, and its result.
+
+    The text is empty if the program uses an array of another trace.
+    """
     results = []
 
     def run(*arguments: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Base class of discrete-time steps, and the reset of an envelope around an error that has left it."""
+"""Base class of discrete-time steps, and recovery: a new envelope around an error that has left the prescribed one."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class StepInput(eqx.Module):
     - `period`: h [s].
     - `horizon`: H [s]; None for a law without a plan.
     - `planned`: True if the last sample was one period ago, and no limit changed its torque.
-    - `expected`: the velocity that it planned for now [n], rad/s or m/s.
+    - `expected`: the velocity that the last sample planned for this one [n], rad/s or m/s.
     - `disturbance`: ŵ, the acceleration that the model does not explain [n], rad/s² or m/s².
-    - `settled`: True while the learnt model, if there is one, is in full use.
+    - `settled`: True while the law uses the learnt model with its full weight; also True without a learnt model.
     """
 
     t: Scalar
@@ -55,11 +55,11 @@ class Decision(eqx.Module):
     """Result of a step, before the disturbance compensation and the torque limits.
 
     - `tau`: torque [n], N m or N.
-    - `acceleration`: acceleration of the nominal arm under it [n], rad/s² or m/s².
-    - `memory`: after this sample.
+    - `acceleration`: acceleration of the nominal arm under this torque [n], rad/s² or m/s².
+    - `memory`: memory after this sample.
     - `signals`: inner quantities by name.
-    - `cover`: largest disturbance that is compensated, N m; None: only the torque limits bound it.
-    - `limited`: the memory if the limits withhold torque, in which integrals of the error stop; None: as `memory`.
+    - `cover`: largest norm of the compensated disturbance torque, N m; None: only the torque limits bound it.
+    - `limited`: memory for the case that a limit withholds torque, with stopped integrals; None: the same as `memory`.
     """
 
     tau: Vector
@@ -74,7 +74,7 @@ class AbstractStep(AbstractPart):
     """A law in discrete time: from the predicted state to the torque that sets in there."""
 
     plans: ClassVar[bool]
-    """True if it plans over a horizon."""
+    """True if the step plans over a horizon."""
 
     @property
     @abstractmethod
@@ -113,18 +113,18 @@ class AbstractStep(AbstractPart):
 
 
 TINY = 1e-30
-"""Keeps the derivative of a square root finite without torque limits."""
+"""Addend under a square root, so that its derivative is finite without torque limits."""
 
 LOOSE = 4.0
 """A new envelope replaces one that is wider by this factor."""
 
 
 class EnvelopeReset(eqx.Module):
-    """Envelopes that replace the prescribed ones, as excess over the inner radius; all [n].
+    """Envelopes that replace the prescribed ones: excess over the narrower side of the prescribed envelope; all [n].
 
     - `until`: end time [s].
     - `span`: duration [s].
-    - `excess`: excess at their start, rad or m.
+    - `excess`: excess at the start of the new envelope, rad or m.
     - `outside`: True if the joint was outside at the last sample.
     """
 
@@ -144,10 +144,10 @@ class EnvelopeReset(eqx.Module):
 class Recovery(AbstractPart):
     """The policy `recover`: while a joint is outside, `|e| < ϑ ρ(t) + X(t)` replaces its prescribed envelope.
 
-    X starts at `R0 = room (|e| + c |ė| + ė²/(2a))`, which leaves the distance to brake with the acceleration a within
-    the torque limits. X is a cubic that ends after `max(deadline, sqrt(6 R0/(share a)))`; its curvature needs no more
-    than `share a`. Then the prescribed envelope is in force again. X starts anew once it is four times wider than a new
-    X would be.
+    With `R0 = room (|e| + c |ė| + ė²/(2a))` the new envelope starts at the radius `R0/(1 - 3 c/S)`, which leaves the
+    distance to brake with the acceleration a within the torque limits. X is a cubic that falls to 0 in the time
+    `S = max(deadline, 12 c, sqrt(6 R0/(share a)))`; its curvature is about `share a` at most. Then the prescribed
+    envelope is in force again. X starts anew once the envelope is four times wider than a new one would be.
 
     A single outlier does not set X: the first sample outside uses its own X, and X stays only if the next sample is
     outside, too.
@@ -157,21 +157,21 @@ class Recovery(AbstractPart):
 
     deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
     room: Scalar = parameter(
-        "how much wider than needed to brake", "", "> 1", "so that there is room to brake", default=1.6
+        "new radius over the distance to brake", "", "> 1", "so that there is room to brake", default=1.6
     )
     share: Scalar = parameter(
-        "of the acceleration at hand that the new envelope may ask for", "", "(0, 1)", default=0.25
+        "share of the available acceleration that the new envelope may need", "", "(0, 1)", default=0.25
     )
 
     def init(self, t: Scalar, joints: int) -> EnvelopeReset:
-        """Return the prescribed envelopes alone, at the start time t [s]."""
+        """Return the state without any new envelope, at the start time t [s]."""
         zero = jnp.zeros(joints)
         return EnvelopeReset(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
     def reset_envelope(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead_time: Scalar, now: EnvelopeReset
     ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
-        """Return the envelopes at this sample, those for the next sample, and True for each new one.
+        """Return the envelopes at this sample, those for the next sample, and which joints have a new one [n].
 
         - `e`, `de`: error and its rate [n].
         - `drawn`: the prescribed envelope.

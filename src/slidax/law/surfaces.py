@@ -1,4 +1,7 @@
-"""Sliding surfaces `s = ė + A e + φ(ε1)`."""
+"""Sliding surfaces `s = ė + A e + φ(ε1)`.
+
+Export a new surface in `law/__init__.py`, and list it in `tests/law/members.py`.
+"""
 
 from __future__ import annotations
 
@@ -27,16 +30,16 @@ class AbstractSurface(AbstractPart):
 
     @abstractmethod
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """φ(ε1) [n], rad/s or m/s, odd and increasing; and its derivative [n], >= 0.
+        """Return φ(ε1) [n], rad/s or m/s, odd and increasing, and its derivative [n], >= 0.
 
-        One method for both, since they share their powers.
+        One method computes both, since they share their powers.
 
         - `eps`: transformed error ε1 [n].
         """
 
     @abstractmethod
     def reach(self, phi: Vector) -> Vector:
-        """A transformed error at which φ is at least `phi`, [n]: the end of a bracket.
+        """Return a transformed error at which φ is at least `phi`, [n]: the end of a bracket for the solution.
 
         - `phi`: >= 0, [n], rad/s or m/s.
         """
@@ -75,7 +78,7 @@ def sliding_variable(
     reference: Reference,
     memory: Memory,
 ) -> SlidingVariable:
-    """The sliding variable of a surface over a transformed error.
+    """Return the sliding variable of a surface over a transformed error.
 
     - `transformation`: e to ε1, with A and B.
     - `surface`: φ(ε1).
@@ -120,8 +123,8 @@ class Linear(AbstractSurface):
 class LinearCoreFixedTime(AbstractSurface):
     """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with `ŝ^p` of (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
 
-    The surface of the schemes that the paper cites as [23] and [33], as it describes them at (78), (79): continuous,
-    with a slope that jumps at δ, so that the torque jumps, too.
+    The surface of the schemes that the paper cites as [23] and [33], as the paper describes them at (78), (79). It is
+    continuous, but its slope jumps at δ, so that the torque jumps, too.
     """
 
     title = "An earlier fixed-time terminal surface, with a kink at the edge of its linear core."
@@ -143,7 +146,7 @@ class LinearCoreFixedTime(AbstractSurface):
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
     def reach(self, phi: Vector) -> Vector:
-        """`(φ/K2)^(1/q)`, [n]: the far power alone is as large there."""
+        """`(φ/K2)^(1/q)`, [n], where the term `K2 Sig^q` alone is `phi`."""
         return power(phi / self.k2, 1.0 / self.q)
 
 
@@ -171,7 +174,7 @@ class SingularityFree(AbstractSurface):
         return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
 
     def reach(self, phi: Vector) -> Vector:
-        """`(φ/C2)^(1/β)`, [n]: the far power alone is as large there."""
+        """`(φ/C2)^(1/β)`, [n], where the term `C2 Sig^β` alone is `phi`."""
         return power(phi / self.c2, 1.0 / self.beta)
 
 
@@ -197,5 +200,5 @@ class SmoothFixedTime(AbstractSurface):
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
 
     def reach(self, phi: Vector) -> Vector:
-        """`(φ/K2)^(1/q)`, [n]: the far power alone is as large there."""
+        """`(φ/K2)^(1/q)`, [n], where the term `K2 S^q` alone is `phi`."""
         return power(phi / self.k2, 1.0 / self.q)

@@ -17,11 +17,11 @@ MOST_SPREAD = 1e12
 
 
 class AbstractBound(AbstractPart):
-    """`u`, the size of the robust torque, eqs. (44), (45): at least the bound of the uncertainty."""
+    """Size u of the robust torque, eqs. (44), (45): at least the bound of the uncertain torque."""
 
     @abstractmethod
     def __call__(self, state: State, tau: Vector) -> Scalar:
-        """`u`, N m.
+        """Return u, N m.
 
         - `state`: positions and velocities.
         - `tau`: the torque without its robust part, `τ0 + τ1`, [n], N m or N.
@@ -40,11 +40,11 @@ class FixedBound(AbstractBound):
 
 
 class StateBound(AbstractBound):
-    """`b0 + b1‖q‖ + b2‖q̇‖²`: the bound (19) of the lumped uncertainty, without the torque's share."""
+    """`b0 + b1‖q‖ + b2‖q̇‖²`: the bound (19) of the lumped uncertainty, without the term in ‖τ‖."""
 
     title = "Bound of the state-dependent uncertainty."
 
-    b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")
+    b0: Scalar = parameter("b0, constant part of the bound", "N m", ">= 0", "(eq. 19)")
     b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
     b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")
 
@@ -63,10 +63,10 @@ class UncertaintyBound(AbstractBound):
 
     inverse_inertia_min: Scalar = parameter("m1 <= ‖M⁻¹(q)‖", "1/(kg m²)", "> 0", "(m1, eq. 47)")
     inverse_inertia_max: Scalar = parameter("m2 >= ‖M⁻¹(q)‖", "1/(kg m²)", ">= inverse_inertia_min", "(m2, eq. 47)")
-    b0: Scalar = parameter("b0, of all states alike", "N m", ">= 0", "(eq. 19)")
+    b0: Scalar = parameter("b0, constant part of the bound", "N m", ">= 0", "(eq. 19)")
     b1: Scalar = parameter("b1, times ‖q‖", "N m/rad", ">= 0", "(eq. 19)")
     b2: Scalar = parameter("b2, times ‖q̇‖²", "N m s²/rad²", ">= 0", "(eq. 19)")
-    margin: Scalar = parameter("k, in excess of the uncertainty", "N m", "> 0", "(k, eq. 45)")
+    margin: Scalar = parameter("k, margin above the bound of the uncertainty", "N m", "> 0", "(k, eq. 45)")
 
     def __check_init__(self) -> None:
         least, most = static_value(self.inverse_inertia_min), static_value(self.inverse_inertia_max)

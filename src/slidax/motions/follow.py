@@ -35,15 +35,16 @@ NEAR_SINGULAR = 0.02
 """Least singular value of the Jacobian below which a posture is near a singularity."""
 
 NEAR_LIMIT = 0.01
-"""Distance from a limit, as a part of the range, within which the limit stops a redundant arm's joint."""
+"""A joint that is closer to a limit than this fraction of its range counts as at the limit."""
 
 CHECKED_TIMES = 40
 """Number of times in each piece at which the joint limits are checked."""
 
 
 def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: float) -> str:
-    """Return the message for a branch of postures that ends.
+    """Return the message that explains why the arm has no posture beyond a point of the move.
 
+    - `caught`: the last point with a posture.
     - `now`: start of the move [s].
     """
     n = task.posture.size
@@ -63,7 +64,10 @@ def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: flo
 
 
 def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPath, now: float) -> None:
-    """Raise DefinitionError if a joint passes its position limit, with the first time and position."""
+    """Raise DefinitionError if a joint exceeds a position limit, with the first time and the tool's position there.
+
+    - `now`: start of the move [s].
+    """
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
     reach, lower, upper = motion.extremes(0), chain.lower, chain.upper
     slack = 1e-9
@@ -91,8 +95,9 @@ def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPat
 
 
 def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array, strongest: Array, now: float) -> None:
-    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit, with the duration that it needs.
+    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit, with the necessary slow-down.
 
+    - `fastest`, `strongest`: velocity and acceleration limits [n].
     - `now`: start of the move [s].
     """
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))
@@ -112,7 +117,12 @@ def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array,
 
 
 def _describe_position(move: TimedCurve, s: float, now: float, into: float | None = None) -> str:
-    """Describe a point on a move by its time and position."""
+    """Describe a point on a move by its time and the tip's position.
+
+    - `s`: curve parameter of the point.
+    - `now`: start of the move; time of the point if `into` is set [s].
+    - `into`: time since the start of the move [s]; None for a point at which the postures end.
+    """
     _, position = move.curve.at(s)
     where = ", ".join(f"{x:.4g}" for x in np.asarray(position))
     if into is None:
@@ -149,7 +159,7 @@ def _near_limits(chain: KinematicChain, q: Array) -> list[str]:
 
 
 def _can_reach_end(task: PoseTask, move: TimedCurve, q: Array) -> str:
-    """Message that says if the arm has a posture for the end of the move."""
+    """Return the part of a message that states if the arm has a posture for the end of the move."""
     try:
         inverse_of_chain(task.chain, move.end, np.clip(q, task.chain.lower, task.chain.upper), q, task.hold)
     except DefinitionError as error:
@@ -171,8 +181,8 @@ class ToolPath:
       rad.
     - `least_motion`: least singular value of the Jacobian at all knots, m or rad per rad or m of the joints; 0 at a
       singularity.
-    - `worst_at`: time of that value [s].
-    - `hold`: the held coordinates of the tool.
+    - `worst_at`: time at which `least_motion` occurs [s].
+    - `hold`: coordinates of the tool that the path prescribes: "place", "axis" or "pose".
     """
 
     trajectory: ToolMotion
@@ -211,21 +221,24 @@ def follow(
 
     At each point the posture has the tool at its target and is nearest to a preferred posture, with each joint scaled
     by its range. This posture is a smooth function of the tool's pose, so a closed path of the tool is also a closed
-    path of the joints. Its derivatives are exact. Between knots quintics interpolate positions, velocities and
-    accelerations; pieces are halved until the tool's error is within the tolerance. The result is deterministic.
+    path of the joints. The posture's derivatives at the knots are exact. Between knots quintics interpolate positions,
+    velocities and accelerations; pieces are halved until the tool's error is within the tolerance. The result is
+    deterministic.
 
     - `robot`: the nominal arm.
     - `start`: posture at the start [n], rad or m.
-    - `pose`: start of the path, if it is not the tool's pose at `start`; the search for it begins at `start`.
-    - `hold`: "place", "axis" (position, and direction of the tool's z axis) or "pose".
+    - `pose`: pose at which the path starts, if it is not the tool's pose at `start`; the search for its posture begins
+      at `start`.
+    - `hold`: prescribed coordinates of the tool: "place" (position), "axis" (also the direction of its z axis) or
+      "pose".
     - `posture`: preferred posture of a redundant arm [n]; the start by default.
-    - `velocity`, `acceleration`: joint limits, [n] or one number, rad/s and rad/s², or m/s and m/s². A move without a
-      time takes the shortest that they allow.
+    - `velocity`, `acceleration`: joint limits, [n] or one number, rad/s and rad/s², or m/s and m/s². A move without
+      `duration` and `speed` takes the shortest time within them.
     - `damping`: pose error accepted near a singularity, m or rad per unit of force; 0 for none.
     - `tolerance`: largest error of the tool between knots, in addition to that by `damping`, m and rad.
     - `begin`: start of the first move [s].
 
-    Raises DefinitionError, with move, time, position and reason, if the tool cannot follow or a joint passes a limit.
+    Raises DefinitionError, with move, time, position and reason, if the tool cannot follow or a joint exceeds a limit.
     """
     require_hold(hold)
     _require_numbers(damping, tolerance, begin)
@@ -278,13 +291,13 @@ def _solve_start(task: PoseTask, here: Pose, q: Array) -> Array:
     z = move_to_posture(task, here, q, task.posture)
     if z is None:
         raise DefinitionError(
-            "no posture near `posture` has the tool where the path begins: give one that is nearer to `start`"
+            "no posture near `posture` has the tool where the path begins: set a `posture` that is nearer to `start`"
         )
     return z
 
 
 def _with_duration(path: JointPath, move: TimedCurve, fastest: Array, strongest: Array) -> JointPath:
-    """Give a move without a time the shortest duration within the joint limits."""
+    """Return the path; a move without `duration` and `speed` gets the shortest duration within the joint limits."""
     if not move.free:
         return path
     motion = Tabulated(times=as_array(path.times), coefficients=as_array(path.coefficients))

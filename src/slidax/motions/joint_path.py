@@ -16,17 +16,17 @@ from .moves import TimedCurve, TimeLaw
 from .splines import quintic_hermite
 
 FAR = 0.05
-"""Largest deviation of the next posture from its prediction, rad or m; a larger one may be on another branch."""
+"""Largest deviation of the next posture from its prediction, rad or m; farther away it may be on another branch."""
 
 SHORTEST = 1e-5
-"""Shortest step along a curve, as a part of the curve; the branch ends if a step must be shorter."""
+"""Shortest step along a curve, as a fraction of the curve; the branch ends if a step must be shorter."""
 
 
 class PathEnd(Exception):
     """Raised if the search finds no posture beyond a point of the curve.
 
-    - `s`: the last point [0, 1].
-    - `z`: posture and forces at this point [n + m].
+    - `s`: curve parameter of the last point with a posture, in [0, 1].
+    - `z`: posture and forces on the tool (Lagrange multipliers of its pose) at this point [n + m].
     """
 
     def __init__(self, s: float, z: Array) -> None:
@@ -35,7 +35,7 @@ class PathEnd(Exception):
 
 
 class BranchPoints(NamedTuple):
-    """Postures and forces at points of a branch [k n+m], with two derivatives along the curve."""
+    """Postures and forces at points of a branch [k n+m], and their first two derivatives by the curve parameter."""
 
     z: Array
     first: Array
@@ -43,10 +43,10 @@ class BranchPoints(NamedTuple):
 
 
 def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array:
-    """Return postures and forces at points of a curve, one after the other [k n+m].
+    """Follow one branch of postures along a curve; return postures and forces at points of the curve [k n+m].
 
-    - `z`: solution of the equations at the curve's start [n + m].
-    - `s`: the points, from 0 on, not decreasing [k].
+    - `z`: posture and forces at the curve's start, which solve the equations of `PoseTask` [n + m].
+    - `s`: curve parameters of the points, >= 0, not decreasing [k].
 
     Raises PathEnd if the search finds no next posture.
     """
@@ -75,7 +75,7 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
 
 
 def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> BranchPoints:
-    """Return exact derivatives of postures and forces along the curve, by implicit differentiation of the equations."""
+    """Return postures and forces with exact derivatives by the curve parameter, from implicit differentiation."""
     linear = linearise_task(task, curve, z, s)
     first = -solve_singular(linear.by_z, linear.by_s)
     second = -solve_singular(linear.by_z, curvature(task, curve, z, s, first))
@@ -83,24 +83,24 @@ def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array)
 
 
 INITIAL_PIECES = 4
-"""Number of pieces in each phase of a time law before any is halved."""
+"""Number of pieces in each phase of a time law before the refinement halves any piece."""
 
 MOST_PIECES = 4000
 """Most pieces in one move."""
 
 BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Points in each piece at which the tool's error is checked, as parts of the piece."""
+"""Times in each piece at which the tool's error is checked, as fractions of the piece."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
     """Joint motion for one move.
 
-    - `law`: position along the curve over time.
+    - `law`: curve parameter over time.
     - `times`: knots, from 0 on [k], s.
-    - `branch`: postures and forces at the knots, with their derivatives along the curve.
+    - `branch`: postures and forces at the knots, with their derivatives by the curve parameter.
     - `position_error`, `rotation_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
-    - `joints`: n.
+    - `joints`: number of joints n.
     """
 
     law: TimeLaw
@@ -184,14 +184,14 @@ def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> 
 
 
 def _at_knots(law: TimeLaw, times: Array, branch: BranchPoints, n: int) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations at the knots."""
+    """Joint positions, velocities and accelerations at the knots, each [k n]."""
     _, rate, bend = (value[:, None] for value in law.at(times))
     q, first, second = (part[:, :n] for part in branch)
     return q, first * rate, second * rate**2 + first * bend
 
 
 def evaluate_pieces(coefficients: Array, x: Array) -> Array:
-    """Evaluate polynomials [powers k n] at times since the start of each piece [k m]: values [k m n]."""
+    """Return the values [k m n] of polynomials [powers k n] at times `x` since the start of each piece [k m], s."""
     value = np.zeros((*x.shape, coefficients.shape[2]))
     for power in coefficients:
         value = value * x[:, :, None] + power[:, None, :]

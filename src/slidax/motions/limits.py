@@ -1,4 +1,4 @@
-"""Limits of a motion, and the check that it keeps them."""
+"""Position, velocity and acceleration limits of a motion, and the check of a motion against them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ ROUNDING = 1e-9
 
 
 def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str] = ()) -> NDArray[np.float64]:
-    """Return a limit as one number > 0 per joint, [n]; infinite for none.
+    """Return a limit as an array with one number > 0 per joint, [n]; infinity is no limit.
 
     - `owner`, `name`: class and field, for the message.
     - `names`: joint names, if they have any.
 
-    Raises DefinitionError if it is not positive or does not fit the joints.
+    Raises DefinitionError if a number is not positive, or if there are neither one nor n numbers.
     """
     numbers = one_per_joint(owner, name, value, joints)
     if not np.all(numbers > 0):
@@ -32,11 +32,11 @@ def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str
 
 
 def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[np.float64]:
-    """Return one number per joint, [n], from one number or a list.
+    """Return an array with one number per joint, [n], from one number for all joints or a list.
 
     - `owner`, `name`: class and field, for the message.
 
-    Raises DefinitionError for anything else.
+    Raises DefinitionError if a number is NaN, or if there are neither one nor n numbers.
     """
     try:
         numbers = np.asarray(value, dtype=float)
@@ -61,7 +61,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of a motion, each one number or one per joint; infinite for no limit.
+    """Limits of a motion, each one number for all joints or one per joint; infinity is no limit.
 
     - `lower`, `upper`: positions, rad or m.
     - `velocity`: rad/s or m/s.

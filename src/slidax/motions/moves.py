@@ -21,21 +21,21 @@ from .table import TIME_UNITS
 from .table_files import csv_lines, numbers_in, unit_of
 
 RAMP = 1.5
-"""Peak acceleration of a smooth ramp of velocity, times its duration, over the velocity."""
+"""Peak acceleration of a smooth velocity ramp, relative to its mean acceleration."""
 
 
 class TimeLaw(NamedTuple):
     """Piecewise polynomials s(t) from 0 to 1, from rest to rest, with a continuous second derivative.
 
-    - `times`: ends of the pieces, from 0 on [k], s.
-    - `coefficients`: coefficients in powers of the time since the piece began, lowest first [k-1 powers].
+    - `times`: knots, from 0 on [k], s.
+    - `coefficients`: coefficients in powers of the time since the start of the piece, lowest first [k-1 powers].
     """
 
     times: Array
     coefficients: Array
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return s with its first and second derivative at times [m], s."""
+        """Return s, ds/dt and d²s/dt², one value per time in `t` [s]."""
         piece = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
         x = t - self.times[piece]
         values = []
@@ -66,11 +66,12 @@ def linear_law(duration: float) -> TimeLaw:
 
 
 def ramped_law(length: float, speed: float, acceleration: float) -> TimeLaw:
-    """Return a smooth ramp up to a speed, constant speed, and the same ramp down.
+    """Return a time law of three phases: a smooth ramp up to a speed, constant speed, and an equal ramp down.
 
-    On the ramp the speed is `v (3 z² - 2 z³)`. A curve that is too short does not reach `speed`.
+    On the ramp up the speed is `v (3 z² - 2 z³)`, with z from 0 to 1. On a short curve the peak speed is below `speed`.
 
-    - `length`: length of the curve, m or rad; speed and acceleration in its unit.
+    - `length`: length of the curve, m or rad.
+    - `speed`, `acceleration`: limits along the curve, m/s and m/s², or rad/s and rad/s².
     """
     speed = min(speed, float(np.sqrt(length * acceleration / RAMP)))
     ramp = RAMP * speed / acceleration
@@ -91,9 +92,9 @@ class TimedCurve(NamedTuple):
     """The curve and time law of a move from a start pose.
 
     - `law`: time law; its duration is 1 s if `free`.
-    - `free`: True if the joint limits determine the duration.
+    - `free`: True if the joint limits are yet to determine the duration.
     - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad].
-    - `end`: the last pose.
+    - `end`: pose at the end.
     - `unit`: unit of the length.
     """
 
@@ -245,7 +246,7 @@ class Pause(AbstractMove):
         if self.duration is None or not (math.isfinite(self.duration) and self.duration > 0):
             raise DefinitionError("`Pause.duration` must be given, > 0 and finite")
         if self.speed is not None or self.acceleration is not None:
-            raise DefinitionError("`Pause` takes a `duration` alone")
+            raise DefinitionError("`Pause` takes only a `duration`: leave out `speed` and `acceleration`")
         return TimedCurve(
             constant_pose(pose.rotation, pose.position), minimum_jerk_law(self.duration), False, 0.0, pose
         )
@@ -311,16 +312,16 @@ def _orthonormal(rotation: Array) -> Array:
 
 
 LARGEST_ROTATION = np.deg2rad(120.0)
-"""Largest rotation between neighbouring poses, rad, for which the spline stays near the slerp."""
+"""Largest rotation between consecutive poses, rad, for which the spline stays near the slerp."""
 
 NEAR = 1e-4
-"""Largest distance of a table's first row from the tool, m or rad; up to it the tool's pose replaces the row."""
+"""Largest difference between the first timed pose and the tool's pose, m or rad; the tool's pose then replaces it."""
 
 MOST_POSES = 100_000
 """Most rows in a table."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Units of positions, in m."""
+"""Factors that convert units of positions to m."""
 
 COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -349,9 +350,9 @@ class Through(AbstractMove):
         The first line names the columns, in any order. Units are m and s unless a name has another one in brackets:
         `x [mm]`, `time [ms]`.
 
-        - `source`: path, or the text itself, which has a line break in it.
+        - `source`: path of the file, or its text; a string with a line break is taken as text.
 
-        Raises DefinitionError, with line and column, for another form.
+        Raises DefinitionError, with line and column, if the columns, units or numbers are invalid.
         """
         name, form, lines = csv_lines(source, "time,x,y,z")
         titles, where = form.titles, f"{name}, line {form.header}"
@@ -363,7 +364,7 @@ class Through(AbstractMove):
         mistakes += [f"`{title}` occurs twice" for title in header if header.count(title) > 1]
         if mistakes:
             raise DefinitionError(
-                f"{where}: the columns must be x, y, z, perhaps qw, qx, qy, qz, and perhaps time: {mistakes[0]}"
+                f"{where}: the columns must be x, y, z, optionally qw, qx, qy, qz, and optionally time: {mistakes[0]}"
             )
         values, rows = numbers_in(name, titles, lines, MOST_POSES)
         if not len(rows):
@@ -383,7 +384,8 @@ class Through(AbstractMove):
     def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.speed is not None or self.acceleration is not None:
             raise DefinitionError(
-                "`Through` takes `times` or a `duration`, or neither: then the joint limits determine its duration"
+                "`Through` takes no `speed` and no `acceleration`: set `times` or a `duration`, or neither, for the "
+                "shortest duration within the joint limits"
             )
         rows = _rows(self.poses)
         own = np.concatenate([pose.position, pose.quaternion])
@@ -405,7 +407,7 @@ class Through(AbstractMove):
         increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
         if len(rows) < 2 or not increasing:
             raise DefinitionError(
-                f"`Through.times` must be one increasing time for {each_of(len(rows), 'pose')}, at least two"
+                f"`Through.times` must be increasing, two or more times, one for {each_of(len(rows), 'pose')}"
             )
         first = _pose(rows[0])
         distance = float(np.linalg.norm(first.position - pose.position))
@@ -440,7 +442,7 @@ def _rows(poses: object) -> Array:
 
 
 def _aligned(rows: Array, first: int) -> Array:
-    """Choose the signs of quaternions so that neighbours are close; q and -q are the same orientation."""
+    """Choose the signs of quaternions so that consecutive ones are close; q and -q are the same orientation."""
     rows = rows.copy()
     for row in range(1, len(rows)):
         if rows[row, 3:] @ rows[row - 1, 3:] < 0:
@@ -448,14 +450,14 @@ def _aligned(rows: Array, first: int) -> Array:
         cosine = min(float(rows[row, 3:] @ rows[row - 1, 3:]), 1.0)
         if 2 * np.arccos(cosine) > LARGEST_ROTATION:
             raise DefinitionError(
-                f"`Through.poses` {row - first + 1} is turned by {np.rad2deg(2 * np.arccos(cosine)):.0f} degrees from "
-                f"the one before: at most {np.rad2deg(LARGEST_ROTATION):.0f}; add a pose between them"
+                f"`Through.poses` {row - first + 1} is rotated by {np.rad2deg(2 * np.arccos(cosine)):.0f} degrees from "
+                f"the previous pose; the most is {np.rad2deg(LARGEST_ROTATION):.0f}: add a pose between them"
             )
     return rows
 
 
 def _steps(rows: Array) -> Array:
-    """Distance between neighbouring poses, m; a rotation counts with a lever arm of 0.1 m."""
+    """Distance between consecutive poses, m; a rotation counts with a lever arm of 0.1 m."""
     positions = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
     cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
     return np.hypot(positions, 0.1 * 2 * np.arccos(cosines))

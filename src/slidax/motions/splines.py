@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 def cubic_hermite(
     times: NDArray[np.float64], positions: NDArray[np.float64], velocities: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the cubics with given positions and velocities [k n] at the knots [k], [4 k-1 n], highest power first."""
+    """Return the coefficients of cubics [4 k-1 n], highest power first, from positions and velocities at knots.
+
+    - `times`: the knots [k].
+    - `positions`, `velocities`: values at the knots [k n].
+    """
     h = np.diff(times)[:, None]
     p, v = positions[:-1], velocities[:-1]
-    # Differences at the right end from a straight line.
+    # Differences at the right end of each piece from the straight line that leaves its left end.
     dp, dv = positions[1:] - p - v * h, velocities[1:] - v
     return np.stack([(dv * h - 2 * dp) / h**3, (3 * dp - dv * h) / h**2, v, p])
 
@@ -25,10 +29,14 @@ def quintic_hermite(
     velocities: NDArray[np.float64],
     accelerations: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the quintics with given positions, velocities and accelerations [k n], [6 k-1 n], highest power first."""
+    """Return the coefficients of quintics [6 k-1 n], highest power first, from values and two derivatives at knots.
+
+    - `times`: the knots [k].
+    - `positions`, `velocities`, `accelerations`: values at the knots [k n].
+    """
     h = np.diff(times)[:, None]
     p, v, a = positions[:-1], velocities[:-1], accelerations[:-1]
-    # Differences at the right end from a parabola, in units of position.
+    # Differences at the right end of each piece from the parabola that leaves its left end, in units of position.
     dp = positions[1:] - p - v * h - a * h**2 / 2
     dv = (velocities[1:] - v - a * h) * h
     da = (accelerations[1:] - a) * h**2
@@ -39,7 +47,10 @@ def quintic_hermite(
 
 
 def quintic_spline(times: NDArray[np.float64], waypoints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coefficients through waypoints [k n], highest power of `t - times[i]` first, [6 k-1 n]."""
+    """Return the coefficients of the quintic spline through waypoints [k n], at rest at both ends.
+
+    The result is [6 k-1 n], with the highest power of `t - times[i]` first.
+    """
     from scipy.interpolate import make_interp_spline
 
     rest = np.zeros(waypoints.shape[1])

@@ -1,4 +1,4 @@
-"""Streamed references: positions from a host at its own rate, and the filter that makes a motion of them."""
+"""Streamed references: positions from a host at its own rate, and the filter that turns them into a smooth motion."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from slidax.core.types import PerJoint, Reference, Scalar, Vector
 from .trajectory import AbstractPiecewisePolynomial, Rows
 
 BRAKING = 0.5
-"""Share of the acceleration limit with which the filter plans to brake; the rest is left to correct itself."""
+"""Share of the acceleration limit that the filter's braking curve uses; the remainder is for corrections."""
 
 JERK = 6.0
-"""Largest jerk that the filter asks for, in units of bandwidth times acceleration limit."""
+"""Bound of the filter's jerk without a jerk limit, in units of bandwidth times acceleration limit."""
 
 TORQUE_SHARE = 0.5
-"""Share of the drives' torque rate that a streamed motion may need; the law needs the rest."""
+"""Share of the drives' torque rate limit that a streamed motion may use; the remainder is for the law's feedback."""
 
 AT_REST = 1e-12
-"""Distance from the last position, as a share of the stream's range, at which the motion ends."""
+"""Distance from the last position at which the motion ends, relative to the range of the stream's positions."""
 
 
 class StreamState(NamedTuple):
-    """The filter between two samples, each [n] but the last one.
+    """State of the filter at a sample; each field is [n], except the scalar `left`.
 
     - `q`: position of the reference.
-    - `dq`: its velocity.
-    - `ddq`: its acceleration.
-    - `goal`: position on the line between the host's last two positions.
+    - `dq`: velocity of the reference.
+    - `ddq`: acceleration of the reference.
+    - `goal`: position that the filter tracks, on a line from the previous goal to `target`.
     - `target`: the host's newest position, within the limits.
-    - `left`: periods until the goal arrives there.
+    - `left`: periods until `goal` reaches `target`.
     """
 
     q: Vector
@@ -54,18 +54,19 @@ class StreamFilter(AbstractPart):
     """Third-order filter with limits: from streamed positions to a reference with its derivatives.
 
     The jerk is constant during a period, so that the reference is one motion with exact derivatives at and between the
-    samples. Away from the limits the jerk is `j = K3 (K2/K3 (K1/K2 (p - q) - q̇) - q̈)`, with the gains that put all
-    three poles of the sampled loop at `exp(-ω h)`, `δ = 1 - exp(-ω h)`:
+    samples. Away from the limits the jerk is `j = K3 (K2/K3 (K1/K2 (p - q) - q̇) - q̈)` for the goal p. The gains put
+    all three poles of the sampled loop at `exp(-ω h)`; with `δ = 1 - exp(-ω h)` they are
 
         K1 = δ³/h³,   K2 = (3 δ² - δ³)/h²,   K3 = (3 δ - 3/2 δ² + 1/3 δ³)/h
 
-    Velocity and acceleration limits bound the values in the inner brackets, far from the goal a braking curve of
-    constant deceleration does. Then the jerk is bounded so that
+    The velocity limit bounds the requested velocity `K1/K2 (p - q)`; far from the goal, a braking curve of constant
+    deceleration replaces it. The acceleration limit bounds the requested acceleration, the term from which q̈ is
+    subtracted. Then the jerk is bounded so that the inequalities
 
         |q̈| <= A,   -κ (V + q̇) <= q̈ <= κ (V - q̇),   κ = J/A,
 
-    hold at the next sample. A jerk in [-J, J] that keeps them always exists (docs/streaming.md has the proof), and
-    they bound the velocity by V.
+    hold at the next sample. A jerk in [-J, J] that satisfies them always exists (proof in docs/streaming.md). The
+    inequalities bound the velocity by V.
     """
 
     bandwidth: PerJoint = parameter("ω, pole of the filter", "rad/s", "> 0")
@@ -74,7 +75,7 @@ class StreamFilter(AbstractPart):
     jerk: PerJoint = parameter("J, jerk limit", "rad/s³ or m/s³", "> 0")
     period: Scalar = parameter("h, sample time of the law", "s", "> 0")
     wait: Scalar = parameter(
-        "periods in which the goal moves to a new position of the host, on a line: the host's period", "", ">= 1"
+        "host's period, in periods of the law; the goal takes it to move to a new position", "", ">= 1"
     )
     lower: PerJoint = parameter("lower position limit", "rad or m", "[-inf, inf]", default=-np.inf)
     upper: PerJoint = parameter("upper position limit", "rad or m", "[-inf, inf]", default=np.inf)
@@ -83,8 +84,8 @@ class StreamFilter(AbstractPart):
         a, j, w, h = self.acceleration, self.jerk, self.bandwidth, self.period
         if is_traced((a, j, w, h)):
             return
-        require(self, "bandwidth", np.asarray(w * h <= 1.0), "must be at most one per period", each="joint")
-        slow = f"must be at least `bandwidth * acceleration` = {short_repr((w * a).tolist())}, so that it can brake"
+        require(self, "bandwidth", np.asarray(w * h <= 1.0), "must be at most 1/`period`", each="joint")
+        slow = f"must be at least `bandwidth * acceleration` = {short_repr((w * a).tolist())}, to be able to brake"
         require(self, "jerk", np.asarray(j >= (1.0 - 1e-9) * w * a), slow, each="joint")
         fast = "must be at most `2 * acceleration / period`, so that no velocity exceeds its limit between two samples"
         require(self, "jerk", np.asarray(j <= (1.0 + 1e-9) * 2.0 * a / h), fast, each="joint")
@@ -101,19 +102,19 @@ class StreamFilter(AbstractPart):
         lower: object = -np.inf,
         upper: object = np.inf,
     ) -> StreamFilter:
-        """Return the filter for a law and a host.
+        """Return the filter for the law's sample time and the host's rate.
 
         - `period`: sample time of the law [s].
-        - `jerk`: by default a limit that does not act.
+        - `jerk`: jerk limit; the default is so large that it never acts.
         - `rate`: the host's positions per second [Hz]; None holds each position until the next one.
         - others: as in the class.
 
-        Raises DefinitionError if a value is out of its range, or the host is faster than the law.
+        Raises DefinitionError if a value is out of its range, or the host's rate exceeds that of the law.
         """
         if rate is not None and not 0.0 < rate * period <= 1.0 + 1e-9:
             raise DefinitionError(
-                f"`rate` must be at most that of the law, {1.0 / period:g} Hz; got {rate:g}: the law takes the newest "
-                "position at each sample"
+                f"`rate` must be > 0 and at most the law's sampling rate, {1.0 / period:g} Hz; got {rate:g}: the law "
+                "reads one position per sample"
             )
         w, a = as_array(bandwidth), as_array(acceleration)
         own = jnp.minimum(JERK * w * a, 2.0 * a / period) if jerk is None else as_array(jerk)
@@ -122,17 +123,17 @@ class StreamFilter(AbstractPart):
 
     @property
     def gains(self) -> tuple[PerJoint, PerJoint, PerJoint]:
-        """K1/K2, K2/K3 and K3, in 1/s."""
+        """The gains K1/K2, K2/K3 and K3 [1/s]."""
         h = self.period
         d = -jnp.expm1(-self.bandwidth * h)
         k2, k3 = d * d * (3.0 - d), d * (3.0 - 1.5 * d + d * d / 3.0)
         return d**3 / k2 / h, k2 / k3 / h, k3 / h
 
     def lag(self, speed: object) -> PerJoint:
-        """Time by which the motion lags behind a stream of constant velocity [s].
+        """Return the time by which the motion lags behind a stream of constant velocity [s].
 
-        `1/k = (3/δ - 1) h` up to the speed `B/k`, with the braking deceleration `B = A/2`; above it the distance is
-        that of the braking curve, and the lag `v/(2 B) + B/(2 k² v)`. A goal on a line adds the host's period, less h.
+        Up to the speed `B/k` the lag is `1/k = (3/δ - 1) h`, with the braking deceleration `B = A/2`. Above that speed
+        the braking curve determines it: `v/(2 B) + B/(2 k² v)`. The goal's motion adds the host's period, less h.
 
         - `speed`: v, >= 0, rad/s or m/s.
         """
@@ -141,15 +142,15 @@ class StreamFilter(AbstractPart):
         return v / (2.0 * brake) + brake * slow**2 / (2.0 * v) + (self.wait - 1.0) * self.period
 
     def begin(self, q: Vector, dq: Vector | None = None, ddq: Vector | None = None) -> StreamState:
-        """Return the state at a reference; at rest if only the position is given."""
+        """Return the initial state for a position, velocity and acceleration [n]; by default at rest."""
         zero = jnp.zeros_like(q)
         return StreamState(q, zero if dq is None else dq, zero if ddq is None else ddq, q, q, jnp.zeros(()))
 
     def step(self, state: StreamState, target: Vector, fresh: Scalar) -> tuple[Reference, Reference, StreamState]:
-        """Return the reference at a sample and at the next one, and the state then.
+        """Return the reference at this sample, the reference at the next sample, and the state at the next sample.
 
-        - `target`: the host's newest position; NaN or infinity keeps the last one.
-        - `fresh`: above 0 if the host has sent it since the last sample.
+        - `target`: the host's newest position; a joint whose value is NaN or infinite keeps its previous target.
+        - `fresh`: > 0 if the host has sent `target` since the previous sample.
         """
         h, limit, push = self.period, self.velocity, self.acceleration
         target = jnp.where(jnp.isfinite(target), target, state.target)
@@ -189,10 +190,10 @@ class StreamFilter(AbstractPart):
 def jerk_of_drives(
     mass: Rows, torque_rate: object, bandwidth: object, acceleration: object, period: float
 ) -> NDArray[np.float64]:
-    """Return the jerk limit [n] that needs a share of the drives' torque rate.
+    """Return the jerk limit [n] for which the motion uses at most `TORQUE_SHARE` of the drives' torque rate limit.
 
     - `mass`: inertia matrix of the arm in the posture where the stream begins [n n].
-    - `torque_rate`: fastest change of the torque, N m/s or N/s.
+    - `torque_rate`: torque rate limit of the drives, N m/s or N/s.
     - `bandwidth`, `acceleration`, `period`: as in `StreamFilter`.
 
     Raises DefinitionError if the filter needs a larger jerk to brake.
@@ -209,13 +210,13 @@ def jerk_of_drives(
 
 
 class Streamed(AbstractPiecewisePolynomial):
-    """The motion that a `StreamFilter` makes of streamed positions: one cubic per period of the law, from rest to rest.
+    """The motion that a `StreamFilter` computes from streamed positions: one cubic per law period, from rest to rest.
 
     Construct one by `Streamed.through`.
     """
 
     stream: StreamFilter = piece("the filter")
-    behind: Vector = parameter("largest distance of the host's newest position from the motion", "rad or m")
+    behind: Vector = parameter("largest distance of the motion from the host's newest position", "rad or m")
 
     @property
     def summary(self) -> str:
@@ -225,15 +226,15 @@ class Streamed(AbstractPiecewisePolynomial):
 
     @staticmethod
     def through(times: object, positions: object, stream: StreamFilter) -> Streamed:
-        """Return the motion for positions that arrive at some times.
+        """Return the motion for a recorded stream of positions.
 
-        A position counts from the first sample at or after its time. The motion starts at rest at the first one, and
-        ends at rest at the last one.
+        The filter uses a position from the first sample at or after its time. The motion starts at rest at the first
+        position, and ends at rest at the last one.
 
-        - `times`: [k], s, increasing, the first at 0 or later.
+        - `times`: times at which the positions arrive [k], s, increasing, the first at 0 or later.
         - `positions`: [k n], rad or m.
 
-        Raises DefinitionError if the shapes differ or the first position is out of the limits.
+        Raises DefinitionError if the shapes do not match or the first position is outside the limits.
         """
         t, rows = np.asarray(times, float), np.asarray(positions, float)
         if t.ndim != 1 or rows.ndim != 2 or len(rows) != len(t) or not len(t):
@@ -245,8 +246,8 @@ class Streamed(AbstractPiecewisePolynomial):
         if np.any((rows[0] < lower) | (rows[0] > upper)):
             joint = int(np.argmax((rows[0] < lower) | (rows[0] > upper)))
             raise DefinitionError(
-                f"the stream starts at {rows[0, joint]:g} for joint {joint + 1}, out of its range: the arm cannot be "
-                "there"
+                f"the stream starts at {rows[0, joint]:g} for joint {joint + 1}, outside the joint's limits: the arm "
+                "cannot start there"
             )
         h = float(stream.period)
         ticks = np.ceil(t / h - 1e-6).astype(int)
@@ -271,7 +272,7 @@ class Streamed(AbstractPiecewisePolynomial):
 
 @eqx.filter_jit
 def _filtered(stream: StreamFilter, start: Vector, targets: Array, fresh: Array) -> tuple[StreamState, Array]:
-    """The states at all samples, and the acceleration at the end of each period."""
+    """Return the states at all samples, and the acceleration at the end of each period."""
 
     def step(state: StreamState, now: tuple[Vector, Scalar]) -> tuple[StreamState, tuple[StreamState, Vector]]:
         after = stream.step(state, *now)[2]
@@ -281,7 +282,7 @@ def _filtered(stream: StreamFilter, start: Vector, targets: Array, fresh: Array)
 
 
 def _settling(stream: StreamFilter, distance: float) -> float:
-    """A time in which the filter comes to rest from any state at some distance from the goal [s]."""
+    """Return a time within which the filter comes to rest from any state at a distance from the goal [s]."""
     v, a, w = (np.asarray(value, float) for value in (stream.velocity, stream.acceleration, stream.bandwidth))
     braking = 2.0 * np.minimum(v, np.sqrt(a * distance)) / (BRAKING * a)
     moving = distance / np.minimum(v, np.maximum(np.sqrt(a * distance), 1e-300))

@@ -19,7 +19,7 @@ from .trajectory import AbstractPiecewisePolynomial
 JOINTS = "`joints` (on the command line `--set 'trajectory.joints=[...]'`)"
 
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
-"""Units of time in s."""
+"""Factors that convert units of time to s."""
 
 DEGREE = np.pi / 180
 
@@ -28,10 +28,10 @@ UNITS = {
     "velocities": {"rad/s": 1.0, "m/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "rpm": np.pi / 30, "mm/s": 1e-3},
     "accelerations": {"rad/s2": 1.0, "m/s2": 1.0, "deg/s2": DEGREE, "°/s2": DEGREE, "mm/s2": 1e-3},
 }
-"""Units of the columns in SI."""
+"""Factors that convert the units of columns to SI units."""
 
 CLOCK = 1e6
-"""Times beyond this [s] come from a clock: too few of their digits are left for the motion."""
+"""A first time beyond this [s] looks like a clock's, and would leave too few digits for the motion."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class MotionTable:
     """Positions over time, optionally with velocities and accelerations.
 
     - `source`: origin of the data, for messages.
-    - `joints`: names; empty for a table of numbers alone.
+    - `joints`: joint names; empty if the table has none.
     - `rows`: label of each row in messages, such as `line 7`.
     - `times`: [k], s.
     - `positions`: [k n], rad or m.
@@ -85,9 +85,9 @@ class MotionTable:
         return f"{self.source}, {self.rows[row]}"
 
     def shifted(self, start: float | None) -> MotionTable:
-        """Return the table with its first row at a time [s]; None keeps the times.
+        """Return the table with its first row at the time `start` [s]; None keeps the times.
 
-        Raises DefinitionError if the motion would begin before 0 or far after.
+        Raises DefinitionError if the first time is then below 0 or above `CLOCK`.
         """
         moved = self if start is None else replace(self, times=self.times - self.times[0] + start)
         first = float(moved.times[0])
@@ -109,7 +109,7 @@ class MotionTable:
 
 
 def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) -> list[int]:
-    """Return the indices of a table's columns in the order of a robot's joints, matched by names.
+    """Return the index of each joint's column in a table, in the order of the robot's joints, matched by names.
 
     - `source`: origin of the table, for messages.
     - `names`: column names.
@@ -131,7 +131,7 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
         hint = hint if hint.endswith("?") else f"{hint}."
         raise DefinitionError(
             f"{source} lacks the joint{'s' * (len(absent) > 1)} {quote_names(absent)}; {hint} "
-            f"If the file has other names, list its names of {quote_names(joints)}, in this order, as {JOINTS}"
+            f"If the file has other names for {quote_names(joints)}, list the file's names, in this order, as {JOINTS}"
         )
     columns = [indices[name] for name in joints]
     others = [name for index, name in enumerate(names) if index not in columns]
@@ -142,7 +142,7 @@ def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) 
 
 
 def _in_their_order(source: str, names: Sequence[str], joints: Sequence[str]) -> list[int]:
-    """Return the columns in their order, for joints without names."""
+    """Return the indices of the columns in their own order, for a robot whose joints have no names."""
     if len(names) != len(joints):
         raise DefinitionError(
             f"{source} moves {count_noun(len(names), 'joint')}, {quote_names(names)}, but the robot has {len(joints)}, "
@@ -167,17 +167,17 @@ SIDE = 5
 """Rows on each side of a jump that determine the velocities before and after."""
 
 CLEAR = 12.0
-"""A velocity change is a jump if it is this many times the residual of the rows around it."""
+"""A velocity change is a jump if it is this many times the residual of the lines through the rows around it."""
 
 PART, LEAST = 0.1, 0.01
-"""Smaller changes, as a part of the joint's top speed and in rad/s or m/s, are due to rounding in the file."""
+"""Smaller velocity changes are due to rounding: a fraction of the joint's top speed, and a speed in rad/s or m/s."""
 
 
 class VelocityJump(NamedTuple):
-    """A velocity jump.
+    """A velocity jump between two rows of a table.
 
-    - `joint`: index from 0.
-    - `row`: index from 0 of the row at the left end of the interval.
+    - `joint`: joint index, from 0.
+    - `row`: index of the row at the left end of the interval, from 0.
     - `before`, `after`: velocities, rad/s or m/s.
     - `end`: -1 at the start of the table, 1 at its end, 0 inside.
     """
@@ -190,12 +190,12 @@ class VelocityJump(NamedTuple):
 
 
 def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) -> VelocityJump | None:
-    """Return the largest velocity jump, or None.
+    """Return the largest velocity jump, or None if there is none.
 
-    Before the first row and after the last one the joints stand still. There is a jump if the velocities of the rows
-    before lie on one straight line over time, those of the rows after on another, and within one interval the two lines
-    differ much more than a jump in acceleration and the lines' residuals explain. A table of a few waypoints has no
-    jump, since it does not define the motion between them.
+    The joints are at rest before the first row and after the last one. Straight lines over time are fitted to the
+    velocities before an interval, and to those after it. There is a jump if, in the middle of the interval, the two
+    lines differ much more than a jump in acceleration and the lines' residuals explain. A table of a few waypoints has
+    no jump, since it does not define the motion between them.
 
     - `times`: [k], s, increasing.
     - `positions`: [k n].
@@ -224,7 +224,7 @@ def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) ->
 
 
 class _Line(NamedTuple):
-    """Straight lines through some velocities: value at a time, slope, and largest residual."""
+    """Straight lines fitted to velocities, one per window and joint: value at a time, slope, and largest residual."""
 
     value: NDArray[np.float64]
     slope: NDArray[np.float64]
@@ -234,7 +234,7 @@ class _Line(NamedTuple):
 def _line(
     times: NDArray[np.float64], velocity: NDArray[np.float64], window: NDArray[np.intp], at: NDArray[np.float64]
 ) -> _Line:
-    """Least squares in each window, one line per joint."""
+    """Fit one straight line per window and joint by least squares; the values are those at the times `at`."""
     t = times[window] - at[:, None]
     mean = t.mean(axis=1, keepdims=True)
     weights = (t - mean) / np.sum((t - mean) ** 2, axis=1, keepdims=True)
@@ -247,22 +247,22 @@ def _line(
 
 
 BEYOND_ARMS = 200.0
-"""Acceleration that no arm reaches, rad/s² or m/s²: a table with more has a jump."""
+"""Acceleration that no arm reaches, rad/s² or m/s²; the limit if the user sets none."""
 
 RESTING = 1e-6
-"""Velocities at the ends of a table up to this, rad/s or m/s, are due to rounding in the file."""
+"""Largest velocity in the first and last row that is due to rounding in the file, rad/s or m/s."""
 
 DENSE, SLOW = 20, 0.02
-"""A table with this many rows whose joints all stay below this velocity [rad/s] probably has another unit of time."""
+"""Number of rows, and velocity [rad/s or m/s]: a longer table that stays slower may have its times in another unit."""
 
 TWO_TURNS = 4 * np.pi
 """Positions beyond two turns [rad] are rare for an arm and common for degrees."""
 
 
 def at_rest_outside(table: MotionTable) -> MotionTable:
-    """Return the table with velocities of exactly zero at its ends, if it has any.
+    """Return the table with velocities of exactly zero in its first and last row, if it has velocities.
 
-    Raises DefinitionError, with joint, time, value and remedy, if they are not zero there.
+    Raises DefinitionError, with joint, time, value and remedy, if a velocity there exceeds `RESTING`.
     """
     if table.velocities is None:
         return table
@@ -282,7 +282,7 @@ def at_rest_outside(table: MotionTable) -> MotionTable:
 
 
 def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
-    """Raise DefinitionError, with joint, time, value and remedy, if a table without velocities jumps."""
+    """Raise DefinitionError, with joint, time, value and remedy, if a table of positions only has a velocity jump."""
     jump = None if table.velocities is not None else velocity_jump(table.times, table.positions)
     if jump is None:
         return
@@ -298,7 +298,7 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> 
 
 
 def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
-    """Warn if the spacing and the speed suggest that times of an unknown unit are not in seconds."""
+    """Warn if the time unit is unknown, and spacing and speed suggest that the times are not in seconds."""
     spacing = float(np.median(np.diff(table.times)))
     fastest = float(motion.extremes(1).size.max())
     if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:
@@ -314,14 +314,14 @@ def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: MotionTable) 
 
 
 def require_within(motion: AbstractPiecewisePolynomial, table: MotionTable, limits: MotionLimits) -> None:
-    """Raise DefinitionError, with the likely cause, if the motion passes a limit."""
+    """Raise DefinitionError, with the likely cause, if the motion exceeds a limit."""
     largest = float(np.abs(table.positions).max())
     degrees = f"; positions go to {largest:.4g}: are they degrees? They must be rad or m" if largest > TWO_TURNS else ""
     limits.require(motion, table.source, table.joints, degrees, degrees or _rate_hint(table))
 
 
 def _rate_hint(table: MotionTable) -> str:
-    """Likely cause of a velocity or acceleration that exceeds its limit: a mistake in velocities or times."""
+    """Return the likely cause of a velocity or acceleration above its limit: a mistake in velocities or times."""
     rates = np.abs(np.diff(table.positions, axis=0) / np.diff(table.times)[:, None])
     if table.velocities is not None:
         mean_speed = float(np.abs((table.velocities[1:] + table.velocities[:-1]) / 2).mean())

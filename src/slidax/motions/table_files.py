@@ -40,8 +40,8 @@ class Column:
     """A column of a table.
 
     - `index`: index from 0.
-    - `factor`: its unit in SI.
-    - `unit`: rad or m; empty if the title has none.
+    - `factor`: factor that converts its values to SI.
+    - `unit`: "s", "rad" or "m"; empty if the title has no unit.
     """
 
     index: int
@@ -52,12 +52,12 @@ class Column:
 def csv_table(
     source: str | Path, joints: Sequence[str] | None = None, time_unit: str | None = None, units: Sequence[str] = ()
 ) -> MotionTable:
-    """Read the table in a CSV file, in the form of `Tabulated.from_csv`.
+    """Read a motion table from a CSV file; `Tabulated.from_csv` describes its format.
 
-    - `source`: path, or the text itself, which has a line break in it.
+    - `source`: path of the file, or its text; a string with a line break is taken as text.
     - `joints`: the robot's joint names in its order; by default all columns in their order.
-    - `time_unit`: unit of the times; by default the title's, or s.
-    - `units`: units of the robot's joints, rad or m, for a check.
+    - `time_unit`: unit of the times; by default the unit in the column title, or s.
+    - `units`: units of the robot's joints, rad or m; the columns' units are checked against them.
 
     Raises DefinitionError, with line and column, if the table is invalid.
     """
@@ -70,8 +70,8 @@ def csv_table(
     _require_units(columns, chosen, joints, units, where)
     if time_unit is not None and time.unit and time.factor != TIME_UNITS[time_unit]:
         raise DefinitionError(
-            f"{where}, column `{header[time.index]}` has another unit than `time_unit`, {time_unit}: leave out one of "
-            "the two"
+            f"{where}, column `{header[time.index]}` has another unit than `time_unit`, {time_unit}: remove one of "
+            "these units"
         )
     values, rows = numbers_in(name, header, lines, MOST_ROWS)
     parts = {
@@ -90,12 +90,12 @@ def csv_table(
 
 
 def csv_lines(source: str | Path, example: str) -> tuple[str, TableFormat, Iterator[tuple[int, list[str]]]]:
-    """Return a CSV file's name for messages, its format, and the number and entries of each line below the titles.
+    """Return a CSV file's name for messages, its format, and an iterator over the lines below the column titles.
 
-    Blank lines and lines that begin with `#` are skipped.
+    The iterator yields line number and entries. Blank lines and lines that begin with `#` are skipped.
 
-    - `source`: path, or the text itself, which has a line break in it.
-    - `example`: an example of the first line, for a message.
+    - `source`: path of the file, or its text; a string with a line break is taken as text.
+    - `example`: an example of the column titles, for a message.
 
     Raises DefinitionError for an empty file, or one that is not CSV.
     """
@@ -111,10 +111,11 @@ def csv_lines(source: str | Path, example: str) -> tuple[str, TableFormat, Itera
 def numbers_in(
     name: str, header: list[str], lines: Iterator[tuple[int, list[str]]], most: int
 ) -> tuple[NDArray[np.float64], array[int]]:
-    """Return the numbers of a table [rows, columns], and the line of each row.
+    """Return the numbers of a table [rows, columns], and the line number of each row.
 
     - `name`: name of the table, for messages.
-    - `lines`: number and entries of each line.
+    - `header`: column titles.
+    - `lines`: line number and entries of each line.
     - `most`: largest number of rows.
 
     Raises DefinitionError, with line and column, for an entry that is not a finite number, and for too many rows.
@@ -138,7 +139,7 @@ def unit_of(title: str) -> tuple[str, str | None]:
 
 
 def _plain_unit(unit: str) -> str:
-    """A unit in small letters without powers and spaces: `rad/s^2` becomes `rad/s2`."""
+    """Return a unit in lower case, without `^` and spaces: `rad/s^2` becomes `rad/s2`."""
     return unicodedata.normalize("NFKC", unit).casefold().replace("^", "").replace(" ", "")
 
 
@@ -171,7 +172,7 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
         columns[kind][joint] = Column(index, 1.0 if key is None else known[key], si)
     if not columns["time"]:
         near = next((title for title in header if title.lower() in ("t", "times", "seconds", "stamp")), None)
-        hint = f"; is it `{near}`? Then call it `time`" if near else ""
+        hint = f"; is `{near}` the time? Then rename it to `time`" if near else ""
         raise DefinitionError(f"{where}: there must be a column `time` [s]{hint}")
     if not columns["positions"]:
         raise DefinitionError(
@@ -185,7 +186,7 @@ def _columns(header: list[str], where: str) -> tuple[dict[str, dict[str, Column]
 
 
 def _parts_of(title: str) -> tuple[str, str, str | None]:
-    """Split a title into name, kind and unit; text in round brackets counts as a unit only if it is a known one."""
+    """Split a title into name, suffix and unit; text in round brackets counts as a unit only if it is a known unit."""
     matched = TITLE.fullmatch(title)
     assert matched is not None
     unit, other = matched["unit"], matched["round"]
@@ -197,7 +198,7 @@ def _parts_of(title: str) -> tuple[str, str, str | None]:
 
 
 def _require_all_or_none(columns: dict[str, dict[str, Column]], chosen: list[str], where: str) -> None:
-    """Require velocities, and accelerations, for all joints or for none."""
+    """Raise DefinitionError if only some of the joints have velocities, or only some have accelerations."""
     for suffix, kind in KINDS.items():
         absent = [joint for joint in chosen if joint not in columns[kind]]
         if absent and len(absent) < len(chosen):
@@ -213,7 +214,7 @@ def _require_units(
     units: Sequence[str],
     where: str,
 ) -> None:
-    """Raise DefinitionError if a unit does not fit its joint, or only the position has a unit."""
+    """Raise DefinitionError if a unit does not fit its joint, or a rate has no unit but its position is not in SI."""
     for index, name in enumerate(chosen):
         position = columns["positions"][name]
         for suffix, kind in KINDS.items():
@@ -237,7 +238,7 @@ def _require_units(
 
 
 MOST_CHARACTERS = 16_000_000
-"""Most characters in a message."""
+"""Most characters in the JSON text of a ROS message."""
 
 NANOSECONDS = {"sec": "nanosec", "secs": "nsecs"}
 """Names of seconds and nanoseconds in ROS 2 and in ROS 1."""
@@ -261,7 +262,7 @@ def joint_trajectory_table(
         else:
             name, text = f"`{Path(source).name}`", read_text(Path(source))
         if len(text) > MOST_CHARACTERS:
-            raise DefinitionError(f"{name} has {len(text)} characters, and at most {MOST_CHARACTERS} are read")
+            raise DefinitionError(f"{name} has {len(text)} characters; the most is {MOST_CHARACTERS}")
         message = parse_json(text, name)
         if not isinstance(message, dict):
             raise DefinitionError(f"{name} must be a JSON object with `joint_names` and `points`")
@@ -288,7 +289,7 @@ def _parts(message: Mapping[str, Any], name: str) -> tuple[tuple[str, ...], list
     for field in ("joint_names", "points"):
         if field not in message:
             inside = next((wrapper for wrapper in WRAPPERS if wrapper in message), None)
-            hint = f"; it has `{inside}`: give that" if inside else ""
+            hint = f"; it has `{inside}`: pass that field alone" if inside else ""
             raise DefinitionError(f"{name} has no `{field}`: it must be a trajectory_msgs/JointTrajectory{hint}")
     joints, points = message["joint_names"], message["points"]
     if not isinstance(joints, (list, tuple)) or not joints or not all(isinstance(joint, str) for joint in joints):
@@ -329,7 +330,7 @@ def _numbers(points: list[Any], field: str, joints: tuple[str, ...], name: str) 
 
 
 def _seconds(duration: Any, where: str, unit: str | None) -> float:
-    """A ROS duration in seconds."""
+    """Return a ROS duration in seconds."""
     if isinstance(duration, (int, float)) and not isinstance(duration, bool):
         return float(duration) * TIME_UNITS[unit or "s"]
     if isinstance(duration, Mapping):

@@ -32,10 +32,10 @@ class Tabulated(AbstractPiecewisePolynomial):
     - a piece of the quintic spline at rest at both ends (`MinimumJerk`), if it has positions only: continuous
       acceleration. ROS takes straight lines there, whose velocity jumps at every row.
 
-    Velocities must be zero in the first and the last row. A table whose velocity jumps is an error: it shows steady
-    motion on both sides of a row, or rest before the first or after the last row, but not the change between them. If
-    `acceleration` is given, that limit decides instead. Without it the limit is 200 rad/s² (or m/s²), more than any arm
-    reaches.
+    Velocities must be zero in the first and the last row. A table of positions only must not have a jump in velocity:
+    steady motion before and after a row, but no rows for the change between them. The arm is at rest before the first
+    row and after the last, so a jump is possible there too. The check for jumps is left out if `acceleration` is set;
+    then that limit applies. Otherwise the limit is 200 rad/s² (or m/s²), more than any arm reaches.
 
     Construct one by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
     """
@@ -61,16 +61,16 @@ class Tabulated(AbstractPiecewisePolynomial):
         joint, and with these optionally one `NAME.acceleration`. Units are SI unless another one is given in brackets:
         `elbow [deg]`, `time [ms]`. Case, spaces and punctuation of the names do not matter.
 
-        - `source`: path, or the text itself, which has a line break in it.
+        - `source`: path of the file, or its text; a string with a line break is taken as text.
         - `joints`: the robot's joint names in its order, `robot.joint_names`; by default the order of the columns.
           Columns of other joints are dropped with a DefinitionWarning.
-        - `units`: units of the robot's joints, `robot.joint_units`, for a check.
-        - `time_unit`: unit of the times; by default the title's, or s.
-        - `start`: time of the first row [s]; by default as in the file.
+        - `units`: units of the robot's joints, `robot.joint_units`; the columns' units are checked against them.
+        - `time_unit`: unit of the times; by default the unit in the column title, or s.
+        - `start`: time of the first row [s]; all times are shifted to it. By default the times are those of the file.
         - `lower`, `upper`: position limits, [n] or one number, rad or m.
         - `velocity`, `acceleration`: limits, [n] or one number, rad/s and rad/s², or m/s and m/s².
 
-        Raises DefinitionError, with line and column, if the table is invalid, jumps or passes a limit.
+        Raises DefinitionError, with line and column, if the table is invalid, its velocity jumps or it exceeds a limit.
         """
         table = csv_table(source, joints, _time_unit(time_unit), units)
         return _interpolated(table, start, MotionLimits(lower, upper, velocity, acceleration))
@@ -92,11 +92,12 @@ class Tabulated(AbstractPiecewisePolynomial):
         `time_from_start` may be `{sec, nanosec}` (ROS 2), `{secs, nsecs}` (ROS 1) or a number of seconds. `effort` and
         `header` are ignored.
 
-        - `source`: path of a JSON file, the text itself, which begins with a brace, or the mapping.
+        - `source`: path of a JSON file; or its text, which begins with a brace; or the message as a mapping.
         - `time_unit`: unit of times that are plain numbers; s by default.
         - `joints`, `start`, `lower`, `upper`, `velocity`, `acceleration`: as in `from_csv`.
 
-        Raises DefinitionError, with point and joint, if the message is invalid, jumps or passes a limit.
+        Raises DefinitionError, with point and joint, if the message is invalid, its velocity jumps or it exceeds a
+        limit.
         """
         limits = MotionLimits(lower, upper, velocity, acceleration)
         return _interpolated(joint_trajectory_table(source, joints, _time_unit(time_unit)), start, limits)
@@ -113,14 +114,14 @@ class Tabulated(AbstractPiecewisePolynomial):
         velocity: object = np.inf,
         acceleration: object = None,
     ) -> Tabulated:
-        """Return the motion through arrays, such as a log's.
+        """Return the motion through the rows of arrays, such as those of a log.
 
         - `times`: [k], s, increasing.
         - `positions`: [k n], rad or m.
         - `velocities`, `accelerations`: [k n], or None.
         - `lower`, `upper`, `velocity`, `acceleration`: limits as in `from_csv`.
 
-        Raises DefinitionError, with row and joint, if the table is invalid, jumps or passes a limit.
+        Raises DefinitionError, with row and joint, if the table is invalid, its velocity jumps or it exceeds a limit.
         """
         t, q = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
         optional = {"velocities": velocities, "accelerations": accelerations}

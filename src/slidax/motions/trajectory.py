@@ -44,11 +44,16 @@ class AbstractSmoothMotion(AbstractMotion):
 
     @abstractmethod
     def derivative(self, t: Rows, order: int) -> Rows:
-        """Return a derivative at times [N n]; order 0 is the position."""
+        """Return the derivative of an order, one row per time in `t` [s] and one column per joint; order 0 is q_d."""
 
     @abstractmethod
     def largest_derivative(self, since: Rows, order: int) -> Rows:
-        """Return a bound of |derivative| of an order >= 1 at all times from each of some times on [N n]."""
+        """Return upper bounds of a derivative's absolute value, one row per time in `since`, one column per joint.
+
+        A row's bound holds at this time and at all later times.
+
+        - `order`: order of the derivative, >= 1.
+        """
 
 
 class ConstantPosture(AbstractSmoothMotion):
@@ -74,7 +79,7 @@ class ConstantPosture(AbstractSmoothMotion):
 
 
 class Sinusoid(AbstractSmoothMotion):
-    """`q_d(t) = c + a sin(ω t + φ)`, per joint. Example 4.2 follows one."""
+    """`q_d(t) = c + a sin(ω t + φ)`, per joint, such as the reference motion of Example 4.2."""
 
     title = "A sinusoid per joint."
 
@@ -101,7 +106,7 @@ MOST_TERMS = 50
 
 
 class ExponentialSum(AbstractSmoothMotion):
-    """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c. Example 4.1 follows one."""
+    """`q_d(t) = c + Σ_k a_k exp(-λ_k t)`: a smooth move that comes to rest at c, as in Example 4.1."""
 
     title = "A sum of decaying exponentials."
 
@@ -135,7 +140,10 @@ class ExponentialSum(AbstractSmoothMotion):
 
 
 NEGLIGIBLE = 1e-13
-"""A coefficient that adds less than this part to its piece is due to rounding, and is set to 0 to find roots."""
+"""A term of a polynomial that is smaller than this, relative to its piece's largest term, is due to rounding.
+
+The search for roots sets its coefficient to 0.
+"""
 
 
 class Extremes(NamedTuple):
@@ -153,7 +161,7 @@ class Extremes(NamedTuple):
 
 
 def derivative_coefficients(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Return the coefficients of a derivative, at least one power.
+    """Return the coefficients of a polynomial's derivative; the result has at least one power.
 
     - `coefficients`: highest power first, [powers pieces n].
     """
@@ -166,7 +174,7 @@ def derivative_coefficients(coefficients: NDArray[np.float64], order: int) -> ND
 
 
 def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], order: int) -> Extremes:
-    """Return the extremes of a derivative between the first and the last knot.
+    """Return the extremes of a piecewise polynomial's derivative between the first and the last knot.
 
     - `times`: knots [k], s.
     - `coefficients`: highest power first, [powers k-1 n].
@@ -199,8 +207,9 @@ def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], orde
 class AbstractPiecewisePolynomial(AbstractMotion):
     """One polynomial in time per joint between two knots, and rest before the first knot and after the last.
 
-    A knot belongs to the piece that begins there, and the last knot to the rest: where the acceleration jumps, the
-    reference has the value after the knot. Subclasses ensure that position and velocity do not jump.
+    A knot belongs to the piece that begins there, and the last knot to the standstill after it. So if the acceleration
+    jumps at a knot, the reference has the value after the jump. Subclasses ensure that position and velocity do not
+    jump.
     """
 
     times: Float[Array, " knots"] = parameter("knots, increasing", "s")
@@ -226,7 +235,7 @@ class AbstractPiecewisePolynomial(AbstractMotion):
 
     def position(self, t: Scalar) -> Vector:
         first, last = self.times[0], self.times[-1]
-        # Not `clip`: at a knot its derivative is one half, neither that of the motion nor that of the rest.
+        # Not `clip`: at the first and last knot its derivative is 0.5, neither the motion's 1 nor the standstill's 0.
         t = jnp.where(t < first, first, jnp.where(t < last, t, last))
         pieces = self.coefficients.shape[1]
         piece = jnp.clip(jnp.searchsorted(self.times, t, side="right") - 1, 0, pieces - 1)

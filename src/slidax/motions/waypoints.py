@@ -25,11 +25,11 @@ FARTHEST = 1e9
 
 
 def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """Return the positions [k n], finite and with equally many joints.
+    """Check waypoints, and return them as an array of positions [k n].
 
     - `owner`: class of the motion, for the message.
 
-    Raises DefinitionError for anything else.
+    Raises DefinitionError unless they are two or more rows of finite numbers of at most 1e9, one per joint.
     """
     if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
         raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS}; got {len(waypoints)}")
@@ -54,20 +54,23 @@ def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
 
 
 def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """Return the positions [k n]; raise DefinitionError also if two in a row are the same."""
+    """Return the array of `waypoint_positions`; raise DefinitionError also if two consecutive waypoints are equal."""
     q = waypoint_positions(owner, waypoints)
     same = np.all(np.diff(q, axis=0) == 0, axis=1)
     if same.any():
         row = int(np.argmax(same)) + 1
         raise DefinitionError(
             f"`{owner}.waypoints` {row} and {row + 1} are the same, {short_repr(q[row])}: leave one of them out "
-            "(for a pause give times of your own, with `MinimumJerk.through`)"
+            "(for a pause, set the times yourself with `MinimumJerk.through`)"
         )
     return q
 
 
 SAMPLES = 16
-"""Samples of a piece in the search for its peaks; the exact extremes then scale the result."""
+"""Samples per piece at which the search for the shortest times checks the limits.
+
+The result of the search is then scaled so that the exact extremes satisfy the limits.
+"""
 
 SHORTEST = 0.02
 """Least duration of a piece in the search, relative to its initial duration."""
@@ -81,9 +84,9 @@ def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.
 
     Stretching all times by c divides the derivative of order i by c^i, so the proportions of the times determine the
     shortest times. Sequential quadratic programming searches the proportions, starting from the shortest time of each
-    piece alone. The search is local; the shorter of its start and its result is returned.
+    piece alone. The search is local. If its result takes longer than its initial times, these are returned.
 
-    - `waypoints`: positions [k n], no two in a row the same.
+    - `waypoints`: positions [k n]; consecutive waypoints differ.
     - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
     """
     steps = np.abs(np.diff(waypoints, axis=0))
@@ -111,7 +114,7 @@ def _scaled_to_limits(
 
 
 def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Maximum of the parabola through the largest sample and its neighbours, [pieces n]."""
+    """Return the peak per piece and joint [pieces n], from a parabola through the largest sample and its neighbours."""
     top = np.argmax(samples, axis=0)[None]
     before, at, after = (
         np.take_along_axis(samples, np.clip(top + step, 0, len(samples) - 1), axis=0)[0] for step in (-1, 0, 1)
@@ -125,13 +128,13 @@ def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
 def _proportions(
     initial: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Search the durations with the least sum for which the samples are within the limits."""
+    """Return the durations of the pieces with the least sum for which the sampled derivatives are within the limits."""
     from scipy.optimize import minimize
 
     z = np.linspace(0.0, 1.0, SAMPLES + 1)
 
     def margins(durations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Relative margin of each limit, per piece and joint: 1 at rest, 0 at the limit."""
+        """Return the relative margin of each limit, per piece and joint: 1 at rest, 0 at the limit."""
         coefficients = quintic_spline(_times(durations), waypoints)
         parts = []
         for order, bound in limits.items():
@@ -139,7 +142,7 @@ def _proportions(
             degrees = np.arange(len(powers) - 1, -1, -1)
             basis = (z[:, None] * durations) ** degrees[:, None, None]
             peak = _peak(np.abs(np.einsum("dsp,dpn->spn", basis, powers)))
-            # With the root, all orders are inversely proportional to the durations.
+            # The root makes the peaks of all orders inversely proportional to a common factor of the durations.
             parts.append((1.0 - (peak / bound) ** (1 / order))[:, np.isfinite(bound)].ravel())
         return np.concatenate(parts)
 
@@ -156,15 +159,15 @@ def _proportions(
 
 
 MOST_TIMED_WAYPOINTS = 100
-"""Most waypoints in a search for times: its memory grows with their square, its time with their cube."""
+"""Most waypoints for `MinimumJerk.within`: memory grows with the square of their number, run time with the cube."""
 
 
 class MinimumJerk(AbstractPiecewisePolynomial):
     """The curve through all waypoints at their times with the least `∫ ‖d³q_d/dt³‖² dt`, at rest at both ends.
 
-    It is the quintic spline with four continuous derivatives and with zero velocity and acceleration at both ends.
-    Between two waypoints only, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`, `z = (t - t_0)/(t_1 - t_0)` (Flash and
-    Hogan, 1985). It stands still before the first waypoint and after the last.
+    This curve is the quintic spline with four continuous derivatives and zero velocity and acceleration at both ends.
+    If there are only two waypoints, it is `q_0 + (q_1 - q_0)(10 z³ - 15 z⁴ + 6 z⁵)`, `z = (t - t_0)/(t_1 - t_0)` (Flash
+    and Hogan, 1985). The arm is at rest before the first waypoint and after the last.
 
     Construct one by `MinimumJerk.through(times, waypoints)`, or with the shortest times within limits by
     `MinimumJerk.within(waypoints, velocity=..., acceleration=...)`.
@@ -206,7 +209,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         The limits hold exactly, since they are compared with the extremes of the polynomials, and one joint reaches one
         of its limits. For two waypoints the times are the shortest; for more, a local search determines them.
 
-        - `waypoints`: positions [k n], rad or m, no two in a row the same.
+        - `waypoints`: positions [k n], rad or m; consecutive waypoints differ.
         - `velocity`, `acceleration`, `jerk`: limits, [n] or one number, rad/s, rad/s², rad/s³ or m/s, m/s², m/s³;
           infinite, or for the jerk None, for no limit.
         - `start`: time of the first waypoint [s].
@@ -237,7 +240,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
 
 
 SAME_KNOT = 1e-12
-"""Knots of two joints that are closer than this part of a segment become one."""
+"""Two knots become one if they are closer than this fraction of the segment's duration."""
 
 
 class Trapezoidal(AbstractPiecewisePolynomial):
@@ -263,7 +266,7 @@ class Trapezoidal(AbstractPiecewisePolynomial):
     ) -> Trapezoidal:
         """Return the motion through waypoints, computed by Ruckig (Berscheid and Kröger, 2021).
 
-        - `waypoints`: positions [k n], rad or m, no two in a row the same.
+        - `waypoints`: positions [k n], rad or m; consecutive waypoints differ.
         - `velocity`: limit, [n] or one number, rad/s or m/s; infinite for none.
         - `acceleration`: limit, [n] or one number, rad/s² or m/s², finite.
         - `jerk`: limit, [n] or one number, rad/s³ or m/s³; infinite for none.
@@ -296,7 +299,7 @@ def _segment(
     duration = max(end[-1] for end in ends)
     every = np.sort(np.concatenate(ends))
     knots = every[np.concatenate([[True], np.diff(every) > SAME_KNOT * duration])]
-    # The last knot is the end itself, even if another knot is just before it.
+    # The last knot is exactly the end, even if another knot is just before it.
     knots[-1] = duration
     middles = (knots[:-1] + knots[1:]) / 2
     coefficients = np.empty((4, len(middles), len(first)))
@@ -314,7 +317,10 @@ def _segment(
 
 
 def _profiles(first: NDArray[np.float64], last: NDArray[np.float64], bounds: dict[str, NDArray[np.float64]]) -> Any:
-    """Return the phases of constant jerk per joint: durations, and jerk, acceleration, velocity and position."""
+    """Return Ruckig's phases of constant jerk per joint.
+
+    Each joint has the phases' durations, their jerks, and acceleration, velocity and position at their start.
+    """
     try:
         import ruckig
     except ImportError:

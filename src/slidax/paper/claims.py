@@ -1,4 +1,4 @@
-"""The paper's statements with verdicts, and the values in the report's sentences."""
+"""Verdicts on the paper's statements, and the values in the report's sentences."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ CONTINUOUS = "the torque is continuous and free of chattering"
 class Claim:
     """A statement in the paper.
 
-    - `place`, `says`: its place in the paper, and its content.
-    - `evidence`, `verdicts`: by reading of the disturbance, or by another interpretation that the paper leaves open.
+    - `place`, `says`: place of the statement in the paper, and its content.
+    - `evidence`, `verdicts`: computed values and verdict for each reading of the disturbance (`READINGS`), or for each
+      matrix norm that the paper may mean.
     """
 
     place: str
@@ -46,14 +47,14 @@ class Claim:
 
 
 def claims(runs: Runs) -> list[Claim]:
-    """Return the claims about the curves."""
+    """Check the paper's claims about the curves: the errors stay inside and settle, the torque is continuous."""
     return [make(runs, example) for make in (_inside, _settled, _continuous) for example in EXAMPLES]
 
 
 def parameter_claims(runs: Runs) -> list[Claim]:
-    """Return the claims about the parameters, which hold for any disturbance.
+    """Check the paper's claims that do not depend on the disturbance: the bounds of ‖M⁻¹‖, and T_i ≥ T_max.
 
-    - `runs`: all runs, for their scenarios.
+    - `runs`: all runs; only their scenarios are used.
     """
     result = []
     for example, table in zip(EXAMPLES, ("Table 1", "Table 2"), strict=True):
@@ -148,7 +149,7 @@ QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
 def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
-    """Metrics of every scheme, with the listed and with the alternative boundary layer."""
+    """Return the metrics of every scheme, with the boundary layer of the paper's table and with the alternative one."""
     return [
         {
             "example": example,
@@ -169,7 +170,10 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
 
 
 def bands(runs: Runs) -> list[dict[str, Any]]:
-    """For each row of Table 3, the settling times at every band in every reading, and the nearest of them."""
+    """Compare the printed settling times with those for every settling band, reading and boundary layer.
+
+    Return an item for each scheme of Table 3: the printed times, all computed ones, and the nearest of these.
+    """
     result = []
     for scheme, items in TABLE_3.items():
         printed = items[0].values
@@ -212,7 +216,11 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """Values of each scheme at the step, at half of it, with a held torque, and with the alternative boundary layer."""
+    """Return the values of Table 3 for each scheme and four computations.
+
+    These are the paper's integration step, half the step, a torque that is held between samples, and the alternative
+    boundary layer.
+    """
     lines = []
     for example in EXAMPLES:
         for scheme in COMPARED[example]:
@@ -235,7 +243,7 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
 
 
 def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
-    """(48)-(50) for every fixed-time scheme, with its deadlines and the settling time of its run."""
+    """Return the settling-time bound (48)-(50) of each fixed-time scheme, with its deadlines and settling times."""
     first = runs.readings[0]
     lines = []
     for example in EXAMPLES:
@@ -249,9 +257,10 @@ def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
 
 
 def jumps(runs: Runs) -> list[dict[str, Any]] | None:
-    """Torque jumps of FTSMC with a boundary layer when |e| enters the core of (78), whose slope is discontinuous.
+    """Return the torque jumps of FTSMC with a boundary layer when |e| enters the core of (78).
 
-    None if a joint never enters the core.
+    The slope of (78) is discontinuous there. Each item has the joint, the time, and the largest and the usual step of
+    the torque. The result is None if a joint never enters the core.
     """
     case = Case("4.1", runs.readings[0], scheme="ftsmc").relayered
     run, delta = runs[case], 1e-2
@@ -269,7 +278,7 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 
 
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
-    """A scheme of Example 4.1 with the listed and with the alternative boundary layer.
+    """AICE and steady error of a scheme in Example 4.1, for two boundary layers: the paper table's and an alternative.
 
     - `scheme`: key of the scheme.
     """
@@ -282,7 +291,10 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
 
 
 def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
-    """Run ANFTSMC with the printed α, which its class refuses; the check is bypassed."""
+    """Run ANFTSMC with the printed α, and return the outcome and the values of Table 3.
+
+    The class of ANFTSMC refuses this α; the check is bypassed.
+    """
     case = runs.nearest("4.2", "anftsmc")
     scenario = runs.scenarios[case]
     changed = eqx.tree_at(lambda law: law.alpha, scenario.controller, jnp.asarray(PRINTED_ALPHA))
@@ -302,7 +314,10 @@ def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
 
 
 def energy(runs: Runs) -> dict[str, Any]:
-    """Energy share by reading, for NFTSMC as listed and with a boundary layer."""
+    """Return CFTSMPPC's ECI in percent of NFTSMC's, by reading of the disturbance.
+
+    `listed` is for NFTSMC with the boundary layer of the paper's table, `layer` for the alternative one.
+    """
     return {
         reading: {
             "listed": energy_share(runs, reading, False),
@@ -328,7 +343,7 @@ BAND = SCHEMES[PROPOSED].band
 
 
 def findings(runs: Runs) -> dict[str, Any]:
-    """All values in the sentences of the report, ready for JSON."""
+    """Return all values in the sentences of the report, ready for JSON."""
     accuracy = {
         reading: printed_steady_error(runs[Case("4.2", reading)]) if reading in runs.readings else None
         for reading in READINGS
@@ -374,7 +389,7 @@ def _expected(runs: Runs) -> list[float] | None:
 
 
 def _truncation(runs: Runs) -> dict[str, list[float]] | None:
-    """Steady error without disturbance at the step and at half the step, and the ratio of both."""
+    """Return the steady error without disturbance at the paper's step and at half the step, and the ratio of both."""
     if "off" not in runs.readings:
         return None
     case = Case("4.2", "off")
@@ -385,7 +400,7 @@ def _truncation(runs: Runs) -> dict[str, list[float]] | None:
 
 
 def _sampled(runs: Runs, case: Case) -> dict[str, Any]:
-    """Comparison of a run at a longer period or with a held torque with the example's own run."""
+    """Return the outcome of a run at a longer period or with a held torque, and its AICE over that of the example."""
     run = runs[case]
     reference = runs[Case(case.example, case.reading)]
     return {

@@ -12,6 +12,7 @@ from slidax.scenarios.scenario import Scenario
 from slidax.simulation.run import Run
 
 Reading = Literal["stated", "off"]
+"""Reading of the paper's disturbance: acting as stated in the text, or off."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,9 @@ class Scheme:
     nearest: Reading = "stated"
 
     def called(self, layer: float | None) -> str:
-        """The name, with the boundary layer if it is not the listed one.
+        """Return the scheme's name, with the boundary layer if it is not that of the paper's table.
 
-        - `layer`: half width; None for the listed one.
+        - `layer`: half width of the boundary layer; None for that of the paper's table.
         """
         if layer is None or layer == self.listed:
             return self.name
@@ -66,13 +67,21 @@ READINGS: dict[Reading, str] = {"stated": "disturbance as stated", "off": "distu
 EXAMPLES = ("4.1", "4.2")
 PERIOD = 1e-4
 SAMPLED = (("continuous", 1e-3), ("held", 1e-3), ("held", 1e-4))
-"""Modes and periods of the runs that search for the sampling limit."""
+"""Modes and periods [s] of further runs of the proposed scheme: longer periods, and a held torque."""
 
 Progress = Callable[[str, float], None]
 
 
 class Case(NamedTuple):
-    """A run: example, reading of the disturbance, mode, period [s], scheme, and boundary layer (None: as listed)."""
+    """One run of the reproduction.
+
+    - `example`: number of the example in the paper.
+    - `reading`: reading of the disturbance.
+    - `mode`: `continuous`, or `held` for a torque that is held between samples.
+    - `period`: integration step, or sampling period of a held torque [s].
+    - `scheme`: key of the scheme.
+    - `layer`: half width of the boundary layer; None for that of the paper's table.
+    """
 
     example: str
     reading: Reading
@@ -98,7 +107,7 @@ class Case(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The scheme's name, with its boundary layer if it is not the listed one."""
+        """The scheme's name, with its boundary layer if it is not that of the paper's table."""
         return SCHEMES[self.scheme].called(self.layer)
 
 
@@ -120,21 +129,20 @@ class Runs:
 
     @property
     def sampled(self) -> list[Case]:
-        """The cases that search for the sampling limit."""
+        """The cases of the proposed scheme at longer periods and with a held torque."""
         return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
 
     def nearest(self, example: str, scheme: str) -> Case:
-        """The case of a scheme as printed, in its nearest reading if simulated, otherwise in the first reading.
+        """Return the case of a scheme as printed, in the reading `Scheme.nearest` or, if not simulated, in the first.
 
-        - `example`, `scheme`: names of example and scheme.
+        - `example`, `scheme`: number of the example, and key of the scheme.
         """
         return _nearest(example, scheme, self.readings)
 
     def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
-        """The cases of an example's schemes by name, the proposed scheme first.
+        """Return the cases of an example's schemes by name, the proposed scheme first.
 
-        - `example`, `reading`: the example and the reading.
-        - `layers`: schemes with the alternative boundary layer.
+        - `layers`: keys of the schemes to take with the alternative boundary layer.
         """
         plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
         chosen = [case.relayered if case.scheme in layers else case for case in plain]
@@ -142,9 +150,9 @@ class Runs:
 
 
 def cases(readings: Sequence[Reading]) -> list[Case]:
-    """All cases: for each scheme the paper's step, half the step, the alternative boundary layer, and a held torque.
+    """Return all cases: for each scheme the paper's step, half the step, the alternative layer, and a held torque.
 
-    For the proposed scheme, more cases search for the sampling limit.
+    The proposed scheme also has the cases of `SAMPLED`.
 
     - `readings`: readings of the disturbance.
     """
@@ -164,7 +172,7 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 
     - `readings`: readings of the disturbance.
     - `changes`: new values by dotted path for all scenarios.
-    - `progress`: called with the last step and the completed fraction of the runs.
+    - `progress`: called with the name of the last finished step, and the completed fraction of the runs.
     """
     built: dict[Case, Scenario] = {}
     runs: dict[Case, Run] = {}
@@ -188,7 +196,7 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
     """Return the scenario of a case.
 
-    - `changes`: new values by dotted path, set last.
+    - `changes`: new values by dotted path, which replace those of the case.
     """
     values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
     if case.scheme != PROPOSED:

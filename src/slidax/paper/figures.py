@@ -27,7 +27,7 @@ BARS = (
 
 
 def draw_two_links(runs: Runs) -> Drawn:
-    """Figs. 3 to 5, Example 4.1."""
+    """Draw Figs. 3 to 5, Example 4.1; return the name, title, figure and caption of each."""
     reading = runs.readings[0]
     how = READINGS[reading]
     listed, layered = runs.compared("4.1", reading), runs.compared("4.1", reading, ("ftsmc",))
@@ -37,7 +37,7 @@ def draw_two_links(runs: Runs) -> Drawn:
             "fig-3-all",
             "Fig. 3",
             figures.compared_errors(_runs(runs, listed | layered)),
-            f"{start} errors of all schemes at the beginning, and their sizes. FTSMC with the sign, as "
+            f"{start} errors of all schemes at the beginning, and their magnitudes. FTSMC with the sign, as "
             "Table 1 lists it, and with a boundary layer.",
         ),
         (
@@ -62,7 +62,7 @@ def draw_two_links(runs: Runs) -> Drawn:
 
 
 def draw_three_joints(runs: Runs) -> Drawn:
-    """Figs. 8 to 14, Example 4.2."""
+    """Draw Figs. 8 to 14, Example 4.2; return the name, title, figure and caption of each."""
     reading = runs.readings[0]
     how = READINGS[reading]
     listed = runs.compared("4.2", reading)
@@ -74,13 +74,13 @@ def draw_three_joints(runs: Runs) -> Drawn:
             "fig-8",
             "Fig. 8",
             figures.compared_errors(_runs(runs, listed)),
-            f"{start} errors of the four schemes as listed at the beginning, and their sizes.",
+            f"{start} errors of the four schemes of Table 2 at the beginning, and their magnitudes.",
         ),
         (
             "fig-9",
             "Fig. 9",
             figures.compared_velocity_errors(_runs(runs, listed)),
-            f"{start} velocity errors at the beginning, and their sizes.",
+            f"{start} velocity errors at the beginning, and their magnitudes.",
         ),
         (
             "fig-10",
@@ -119,7 +119,7 @@ def _tips(runs: Runs, cases: dict[str, Case]) -> Figure:
 FINAL = as_array(0.01)
 """Final radius of the functions of Fig. 1."""
 
-IN_ENVELOPES = "in their envelopes, and their sizes. Dashed: the envelope's narrower side"
+IN_ENVELOPES = "in their envelopes, and their magnitudes. Dashed: the envelope's narrower side"
 
 
 def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
@@ -166,7 +166,7 @@ def _fixed_time(initial: float, deadline: float) -> FixedTime:
 
 
 def _finite_time(initial: float) -> FiniteTime:
-    """A finite-time function; from the initial radius 0.5 it also settles after 5 s."""
+    """Return a finite-time performance function; from the initial radius 0.5 it also settles after 5 s."""
     return FiniteTime(as_array(initial), FINAL, as_array(0.49**0.2), as_array(0.8))
 
 
@@ -212,4 +212,4 @@ def _sizes(runs: Runs) -> Figure:
 def _sizes_caption(runs: Runs) -> str:
     half = ", and with it off at half the step" if "off" in runs.readings else ""
     hows = " and ".join(READINGS[reading] for reading in runs.readings)
-    return f"Example 4.2, sizes of the tracking errors, {hows}{half}, with the steady-state errors of Table 3."
+    return f"Example 4.2, magnitudes of the tracking errors, {hows}{half}, with the steady-state errors of Table 3."

@@ -50,7 +50,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(scenario: Scenario) -> Parts:
-    """The parts of the scenario's scheme.
+    """Return the parts of the scenario's scheme.
 
     - `scenario`: one of the examples.
 
@@ -75,11 +75,11 @@ def parts_of(scenario: Scenario) -> Parts:
 
 
 def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
-    """Ranges over q2 of `‖M⁻¹(q)‖`, spectral and Frobenius, and of the eigenvalues of `M⁻¹`; also `max ‖M⁻¹M0 - I‖`.
+    """Return the ranges of `‖M⁻¹(q)‖` and of the eigenvalues of `M⁻¹(q)`, `max ‖M⁻¹M0 - I‖`, and the law's m1, m2, γ.
 
-    The inertia of both arms depends only on q2.
+    The norms are spectral and Frobenius. The ranges are over q2 alone: the inertia of both arms depends only on q2.
 
-    - `scenario`: an example, with its true and nominal arm, and m1, m2, γ of (46), (47).
+    - `scenario`: one of the examples.
     """
     parts = parts_of(scenario)
     law, bound = parts.law, parts.bound
@@ -102,7 +102,7 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
 
 
 def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
-    """Value of the formulas `T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint.
+    """Return the values of the formulas `T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint.
 
     (50) uses `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so ρ0 is replaced by 2. For SFSMC, the exponents
     and gains of its own powers take the same roles. None if the scheme is not a fixed-time scheme.
@@ -148,13 +148,13 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
 
 
 def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
-    """Error at which the boundary layer of (51) balances the disturbance, for an exact model, [n], rad or m.
+    """Return the error at which the boundary layer of (51) balances the disturbance, for an exact model, [n], rad or m.
 
     `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
     at e = 0; the maximum over the second half of the run.
 
     - `scenario`: the simulated scenario.
-    - `run`: its run, with a log.
+    - `run`: its run. The result is None if the run has no log, or ended early.
     """
     law, transformation, performance, surface, reaching, _ = parts_of(scenario)
     if run.log is None or not run.outcome.ok:
@@ -172,11 +172,9 @@ def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def printed_steady_error(run: Run) -> list[float] | None:
-    """`max |e|` over the second half of the run's log, [n]; in Example 4.2 this is the last full period of the motion.
+    """Return `max |e|` over the second half of the run, [n], rad or m; None if the run has no log, or ended early.
 
-    - `run`: a finished run with a log.
-
-    None if the run ended early.
+    In Example 4.2 the second half is the last full period of the motion.
     """
     if not run.outcome.ok or run.log is None:
         return None
@@ -185,7 +183,7 @@ def printed_steady_error(run: Run) -> list[float] | None:
 
 
 def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
-    """A quantity of Table 3, a value for each joint.
+    """Return a computed quantity of Table 3 for each joint; None for a joint without such a value.
 
     - `run`: a finished run with a log.
     - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
@@ -201,7 +199,7 @@ def table_3(run: Run, quantity: str, band: float) -> list[float | None]:
 
 
 def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
-    """`max |e| / ρ∞` after the deadline T of each joint, [n]; None if the run ended earlier.
+    """Return `max |e| / ρ∞` after the deadline T of each joint, [n]; None if the run ended before a deadline.
 
     - `scenario`: the simulated scenario.
     - `run`: its run, with a log.
@@ -217,11 +215,11 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
-    """Ratios of the largest torque step and of AICE at half the step to those at the step, [n] each.
+    """Return two ratios, of the largest torque step and of AICE, between a run at half the period and a run, [n] each.
 
     For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not.
 
-    - `halved`: run at half the step.
+    - `halved`: run at half the period.
     """
     pairs = [(analysis.max_torque_step(r), index_sums.aice(r)) for r in (run, halved)]
     (step, total), (half_step, half_total) = pairs
@@ -229,12 +227,12 @@ def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
 
 def chatter(run: Run, halved: Run) -> list[float | None]:
-    """Ratio of AICE at half the step to AICE at the step, [n], for chattering joints; None for the others.
+    """Return the ratio of AICE at half the period to AICE, [n], for chattering joints; None for the others.
 
-    AICE of a continuous torque does not depend on the step; that of a torque that jumps at every sample does. A torque
-    counts as chattering if AICE changes by more than `CLOSE`.
+    AICE of a continuous torque does not depend on the period; that of a torque that jumps at every sample does. A
+    torque counts as chattering if AICE changes by more than `CLOSE`.
 
-    - `halved`: run at half the step.
+    - `halved`: run at half the period.
     """
     ratios = index_sums.aice(halved) / index_sums.aice(run)
     return [float(ratio) if abs(ratio - 1.0) > CLOSE else None for ratio in ratios]
@@ -247,10 +245,10 @@ Values = dict[str, float | None]
 class Row:
     """A printed number, and its comparison.
 
-    - `scheme`: the scheme.
+    - `scheme`: name of the scheme.
     - `quantity`: as in `Printed`, or `limit` or `energy`.
-    - `place`, `name`: its place and name in the paper.
-    - `joint`: number of the joint, as text.
+    - `place`, `name`: place and name of the quantity in the paper.
+    - `joint`: number of the joint, as text; `all` for a value of all joints.
     - `unit`: unit of both values.
     - `printed`: the value as printed.
     - `compared_with`: description of the computed value.
@@ -270,16 +268,16 @@ class Row:
 
 
 def numbers(runs: Runs) -> list[Row]:
-    """Comparisons for Table 3, the error limit in the text, and the energy share."""
+    """Compare the printed numbers with the computed ones: Table 3, the error limit in the text, the energy share."""
     table = [row for scheme, items in TABLE_3.items() for item in items for row in _joints(runs, scheme, item)]
     return [*table, _limit(runs), _energy(runs, False), _energy(runs, True)]
 
 
 def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
-    """ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
+    """Return the ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
 
     - `reading`: reading of the disturbance.
-    - `layered`: True if NFTSMC has a boundary layer.
+    - `layered`: True for NFTSMC with the alternative boundary layer.
     """
     rival = _nftsmc(reading, layered)
     return float(100 * index_sums.eci(runs[Case("4.2", reading)]).sum() / index_sums.eci(runs[rival]).sum())
@@ -329,7 +327,7 @@ def _chattering(ratio: float) -> str:
 
 
 def _absent(run: Run, quantity: str, band: float) -> PrintedComparison | None:
-    """The verdict for a missing settling time: a run that did not settle until its end differs from the paper."""
+    """Return the verdict for a missing settling time: a run that has not settled at its end differs from the paper."""
     if quantity == "settling_time" and run.outcome.ok:
         return PrintedComparison("differs", f"differs: still above {significant(band, 1)} at the end")
     return None

@@ -23,8 +23,8 @@ class Printed:
     """A printed quantity with a value for each joint.
 
     - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
-    - `place`: its place in the paper.
-    - `name`: its name in the paper.
+    - `place`: place of the quantity in the paper.
+    - `name`: name of the quantity in the paper.
     - `texts`: the values as printed, one per joint.
     - `compared_with`: description of the computed quantity.
     """
@@ -115,11 +115,11 @@ class PrintedComparison:
 def compare_printed(
     printed: float, computed: float | None, absent: PrintedComparison | None = None
 ) -> PrintedComparison:
-    """The verdict on a printed number: reproduced within 5 %, close within 20 %, otherwise it differs by a factor.
+    """Return the verdict on a printed number: reproduced within 5 %, close within 20 %, otherwise different.
 
-    - `printed`: > 0.
+    - `printed`: the printed number, > 0.
     - `computed`: the computed quantity; None or nonfinite if missing.
-    - `absent`: the verdict for a missing value.
+    - `absent`: the verdict for a missing quantity; None for "cannot be checked".
     """
     if computed is None or not math.isfinite(computed):
         return absent or mark_unchecked("the run has no such value")
@@ -132,9 +132,9 @@ def compare_printed(
 
 
 def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
-    """The verdict on a printed limit: reproduced if the computed value is below it.
+    """Return the verdict on a printed limit: reproduced if the computed value is below it.
 
-    - `limit`: > 0.
+    - `limit`: the printed limit, > 0.
     - `computed`: the computed quantity; None or nonfinite if missing.
     """
     if computed is None or not math.isfinite(computed):
@@ -145,7 +145,7 @@ def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
 
 
 def claim(holds: bool) -> PrintedComparison:
-    """The verdict on a statement.
+    """Return the verdict on a statement.
 
     - `holds`: True if the statement holds.
     """
@@ -153,7 +153,7 @@ def claim(holds: bool) -> PrintedComparison:
 
 
 def mark_unchecked(why: str) -> PrintedComparison:
-    """The verdict if there is nothing to compare.
+    """Return the verdict if there is nothing to compare.
 
     - `why`: the reason.
     """
@@ -161,7 +161,7 @@ def mark_unchecked(why: str) -> PrintedComparison:
 
 
 def mark_incomparable(why: str) -> PrintedComparison:
-    """The verdict if the computed number is an artefact of the computation.
+    """Return the verdict if the computed number is an artefact of the computation.
 
     - `why`: the reason.
     """

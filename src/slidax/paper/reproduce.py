@@ -26,7 +26,7 @@ from .printed import CLOSE, DOI, JOURNAL, KINDS, NOT_COVERED, REPRODUCED, TITLE,
 
 
 def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
-    """Number of verdicts of each kind, by reading of the disturbance.
+    """Return the number of verdicts of each kind, by reading of the disturbance.
 
     - `rows`, `claims`: results with a verdict for each reading.
     """
@@ -40,6 +40,8 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 
 def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
     """Select the report's sentences that the verdicts support.
+
+    Return a flag for each such sentence, and the numbers of CFTSMPPC runs in all and inside their envelopes.
 
     - `rows`, `claims`: results with their verdicts.
     """
@@ -62,7 +64,7 @@ def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[s
 
 
 def run_results(runs: Runs) -> list[dict[str, Any]]:
-    """Every run with its outcome and metrics."""
+    """Return every run with its outcome and metrics."""
     return [_run_result(case, runs) for case in runs.runs]
 
 
@@ -82,7 +84,7 @@ def _run_result(case: Case, runs: Runs) -> dict[str, Any]:
 
 CHOICES: dict[str, tuple[Reading, ...]] = {"stated": ("stated",), "off": ("off",), "both": ("stated", "off")}
 SIMULATING = 0.75
-"""Share of the simulation in the progress."""
+"""Share of the whole progress for the simulation."""
 
 
 def reproduce(

@@ -18,7 +18,7 @@ from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class TorqueLimits(AbstractPart):
-    """`|τ| <= torque`, and within that `|τ - τ₋| <= rate h` from one sample to the next, per joint.
+    """Limits per joint: `|τ| <= torque`, and within that `|τ - τ₋| <= rate h` from one sample to the next.
 
     The drive enforces them; a controller may know and use them.
     """
@@ -31,7 +31,7 @@ class TorqueLimits(AbstractPart):
 
         If the last torque was beyond the torque limit, that limit takes precedence over the rate limit.
 
-        - `tau`: wanted torque [n], N m or N.
+        - `tau`: requested torque [n], N m or N.
         - `last`: torque at the last sample [n], N m or N.
         - `period`: time between two samples [s], > 0.
         """
@@ -43,7 +43,7 @@ class TorqueLimits(AbstractPart):
 
 
 class ActuatorMap(AbstractPart):
-    """Torques of the joints by the drives' commands, `τ = G c`: gains on the diagonal, cross-talk elsewhere."""
+    """Map from the drives' commands to joint torques, `τ = G c`: gains on the diagonal, cross-talk elsewhere."""
 
     matrix: Matrix = parameter("G", "N m or N per N m or N")
     inverse: Matrix = parameter("G⁻¹")
@@ -54,7 +54,7 @@ class ActuatorMap(AbstractPart):
 
         - `matrix`: G [n n].
 
-        Raises DefinitionError if it is not square, or its diagonal is not larger than the rest of each row.
+        Raises DefinitionError if it is not square, or a gain does not exceed the sum of its row's cross-talk.
         """
         gains = static_value(as_array(matrix))
         if gains.ndim != 2 or gains.shape[0] != gains.shape[1] or not np.isfinite(gains).all():
@@ -77,9 +77,9 @@ class ActuatorMap(AbstractPart):
         return matvec(self.inverse, tau)
 
     def within(self, limits: TorqueLimits) -> TorqueLimits:
-        """Return limits of the joints' torques, within which each command keeps its limit for all signs.
+        """Return limits of the joint torques that keep all commands within `limits`, whatever the torques' signs.
 
-        Torques of joints without a limit do not count.
+        Joints without a limit do not reduce the limits of others.
         """
 
         def box(limit: PerJoint) -> Vector:
@@ -112,18 +112,18 @@ class Actuator(AbstractPart):
     limits: TorqueLimits = piece("limits of the command", default_factory=TorqueLimits)
     time_constant: PerJoint = parameter("T of a first-order lag", "s", ">= 0", "(0 for no lag)", default=0.0)
     dead_time: float = parameter(
-        "dead time, also fractional; a new value compiles anew, since it sets how many commands are stored",
+        "dead time, also fractional; a new value recompiles the loop, since it sets the number of stored commands",
         "sampling periods",
         "[0, 100]",
         default=0.0,
         static=True,
         converter=float,
     )
-    map: ActuatorMap | None = piece("torques of the joints by commands; None if they are equal", default=None)
+    map: ActuatorMap | None = piece("map from commands to joint torques; None if they are equal", default=None)
 
     @property
     def change(self) -> float:
-        """Time within a period at which the next command becomes active, as a part of the period, in [0, 1)."""
+        """Time within a period at which the next command becomes active, as a share of the period, in [0, 1)."""
         return self.dead_time - math.floor(self.dead_time)
 
     def init(self, tau: Vector) -> ActuatorMemory:
@@ -150,7 +150,7 @@ class Actuator(AbstractPart):
         return limited, ActuatorMemory(commands=jnp.concatenate([limited[None], memory.commands[:-1]]), lagged=lagged)
 
     def delivered(self, memory: ActuatorMemory, elapsed: Scalar, period: Scalar) -> Vector:
-        """The torque on the joint, [n], N m or N.
+        """Return the torques on the joints, [n], N m or N.
 
         - `memory`: from `set` at the last sample.
         - `elapsed`: time since that sample [s], in [0, period].
@@ -160,7 +160,7 @@ class Actuator(AbstractPart):
         return lagged if self.map is None else self.map.torque(lagged)
 
     def _lagged(self, memory: ActuatorMemory, elapsed: Scalar, period: Scalar) -> Vector:
-        """The command after dead time and lag."""
+        """Return the command after dead time and lag, `elapsed` after the last sample [n], N m or N."""
         if not self.change:
             return self._lag_response(memory.commands[-1], memory.lagged, elapsed)
         until = self.change * period
@@ -169,7 +169,7 @@ class Actuator(AbstractPart):
         return jnp.where(elapsed < until, at_change, after)
 
     def _lag_response(self, command: Vector, start: Vector, elapsed: Scalar) -> Vector:
-        """Response of the lag to a constant command."""
+        """Return the lag's response to a constant command, `elapsed` after it had the value `start` [n], N m or N."""
         lags = self.time_constant > 0
         left = jnp.where(lags, jnp.exp(-elapsed / jnp.where(lags, self.time_constant, 1.0)), 0.0)
         return command + left * (start - command)

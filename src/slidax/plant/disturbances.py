@@ -23,8 +23,8 @@ class Samples:
     """Sampled states; over each period a joint's velocity changes from one sample's value to the next.
 
     - `period`: h [s].
-    - `t`: beginning of each period [N], s.
-    - `q`, `dq`: positions and velocities at that time [N n].
+    - `t`: beginning of each period [samples], s.
+    - `q`, `dq`: positions and velocities at that time [samples n].
     """
 
     period: float
@@ -34,17 +34,17 @@ class Samples:
 
     @property
     def dq_change(self) -> Floats:
-        """|Δq̇| over each period [N n], rad/s or m/s; the last period repeats the value before it."""
+        """|Δq̇| over each period [samples n], rad/s or m/s; the last period repeats the value before it."""
         steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
         return np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
 
     @property
     def travel(self) -> Floats:
-        """Bound of the distance that a joint travels in each period [N n], rad or m."""
+        """Bound of the distance that a joint travels in each period [samples n], rad or m."""
         return (np.abs(self.dq) + self.dq_change) * self.period
 
     def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
-        """True for each period with a possible jump inside or at its end [N].
+        """True for each period with a possible jump inside or at its end [samples].
 
         - `first`, `last`: earliest and latest time of the jump [s].
         """
@@ -62,18 +62,21 @@ class AbstractDisturbance(AbstractPart):
 
     @abstractmethod
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`τ_d`, [n], N m or N.
+        """Return `τ_d`, [n], N m or N.
 
         - `t`: time [s].
         - `state`: positions and velocities.
         """
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the force begins, jumps or ends [s]; each short pulse contains one of them."""
+        """Return the times at which the force begins, jumps or ends [s].
+
+        Checks at sampled times include them, so that they miss no short pulse.
+        """
         return ()
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Bound of the force's deviation from the chord between its values at two samples [N n], N m or N.
+        """Bound of the force's deviation from the chord between its values at two samples [samples n], N m or N.
 
         The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. A class
         without its own bound has an infinite one, and no certificate covers it.
@@ -114,7 +117,7 @@ class Sum(AbstractDisturbance):
             raise DefinitionError(f"`Sum.terms` must be at most {MOST_TERMS}; got {len(self.terms)}")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The sum of all terms, [n], N m or N; zero if there is none."""
+        """Return the sum of all terms, [n], N m or N; zero if there is none."""
         return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -122,12 +125,12 @@ class Sum(AbstractDisturbance):
         return tuple(time for term in self.terms for time in term.breakpoints())
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """The sum of the terms' bounds."""
+        """Return the sum of the terms' bounds."""
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.chord_deviation(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """The sum of the terms' bounds."""
+        """Return the sum of the terms' bounds."""
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.largest(high, joints) for low, high in pairs), start=np.zeros(joints))
 
@@ -139,7 +142,7 @@ class Scaled(AbstractDisturbance):
     factor: Scalar = parameter("its factor")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The scaled force, [n], N m or N."""
+        """Return the scaled force, [n], N m or N."""
         return self.factor * self.disturbance(t, state)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -147,14 +150,14 @@ class Scaled(AbstractDisturbance):
         return self.disturbance.breakpoints()
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """The factor's largest magnitude times the bound of the scaled disturbance."""
+        """Return the factor's largest magnitude times the bound of the scaled disturbance."""
         factor = largest_magnitude(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)
         return factor * self.disturbance.chord_deviation(upper.disturbance, samples)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """The factor's largest magnitude times the bound of the scaled disturbance."""
+        """Return the factor's largest magnitude times the bound of the scaled disturbance."""
         factor = largest_magnitude(self.factor, upper.factor)
         return factor * self.disturbance.largest(upper.disturbance, joints) if factor.any() else np.zeros(joints)
 
@@ -167,15 +170,15 @@ class Constant(AbstractDisturbance):
     value: Vector = parameter("c, the force", "N m or N")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`c`, [n], N m or N."""
+        """Return the force `c`, [n], N m or N."""
         return self.value
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Zero for a constant force."""
+        """Return zero, since the force is constant."""
         return np.zeros(samples.q.shape)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """|c|."""
+        """Return the largest |c| within the parameter bounds [n], N m or N."""
         return np.broadcast_to(largest_magnitude(self.value, upper.value), joints)
 
 
@@ -189,7 +192,7 @@ class Step(AbstractDisturbance):
     end: Scalar = parameter("end time; infinite for a lasting force", "s", "(start, inf]", default=float("inf"))
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """`c` from start to end, else 0, [n], N m or N."""
+        """Return the force: `c` from start to end, else 0, [n], N m or N."""
         return jnp.where((t >= self.start) & (t < self.end), self.value, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
@@ -197,12 +200,12 @@ class Step(AbstractDisturbance):
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """|c| in each period with a possible jump inside or at its end; else zero."""
+        """Return |c| for each period with a possible jump inside or at its end, and zero for others."""
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
         return jumps[:, None] * largest_magnitude(self.value, upper.value)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """|c|."""
+        """Return the largest |c| within the parameter bounds [n], N m or N."""
         return np.broadcast_to(largest_magnitude(self.value, upper.value), joints)
 
 
@@ -226,7 +229,7 @@ class Harmonic(AbstractDisturbance):
         return np.broadcast_to(bound, samples.q.shape)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """|a|."""
+        """Return the largest amplitude |a| within the parameter bounds [n], N m or N."""
         return np.broadcast_to(largest_magnitude(self.amplitude, upper.amplitude), joints)
 
 
@@ -249,7 +252,7 @@ class Friction(AbstractDisturbance):
     smoothing: PerJoint = parameter("v_s, width of the smoothed sign change", "rad/s or m/s", "> 0", default=0.01)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The friction force, [n], N m or N."""
+        """Return the friction force, [n], N m or N."""
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
@@ -263,7 +266,7 @@ class Friction(AbstractDisturbance):
         )
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """f_c; infinite with viscous friction, which grows with the velocity."""
+        """Return the largest f_c [n], N m or N; infinite with viscous friction, which grows with the velocity."""
         viscous = largest_magnitude(self.viscous, upper.viscous)
         return np.broadcast_to(np.where(viscous > 0.0, np.inf, largest_magnitude(self.coulomb, upper.coulomb)), joints)
 
@@ -284,7 +287,7 @@ class Stribeck(AbstractDisturbance):
     smoothing: PerJoint = parameter("v_s, width of the smoothed sign change", "rad/s or m/s", "> 0", default=0.01)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The friction force, [n], N m or N."""
+        """Return the friction force, [n], N m or N."""
         return -self.excess * jnp.exp(-((state.dq / self.velocity) ** 2)) * jnp.tanh(state.dq / self.smoothing)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
@@ -298,7 +301,7 @@ class Stribeck(AbstractDisturbance):
         return largest_magnitude(self.excess, upper.excess) * size
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """f_s."""
+        """Return the largest f_s within the parameter bounds [n], N m or N."""
         return np.broadcast_to(largest_magnitude(self.excess, upper.excess), joints)
 
 
@@ -311,7 +314,7 @@ class Ripple(AbstractDisturbance):
     title = "Torque ripple over the joint's position: cogging, or the ripple of a harmonic drive."
 
     amplitude: PerJoint = parameter("a, amplitude", "N m or N")
-    periods: PerJoint = parameter("N, periods per turn of the joint (2π rad or m)", "", "> 0")
+    periods: PerJoint = parameter("N, periods per turn of a revolute joint; per 2π m of a prismatic one", "", "> 0")
     phase: PerJoint = parameter("φ, phase at position 0", "rad", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
@@ -327,7 +330,7 @@ class Ripple(AbstractDisturbance):
         return largest_magnitude(self.amplitude, upper.amplitude) * size
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """|a|."""
+        """Return the largest amplitude |a| within the parameter bounds [n], N m or N."""
         return np.broadcast_to(largest_magnitude(self.amplitude, upper.amplitude), joints)
 
 
@@ -349,7 +352,7 @@ class ElasticStop(AbstractDisturbance):
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Largest change of the force in a period with possible contact; else zero."""
+        """Return the largest change of the force in each period with possible contact, and zero for others."""
         deepest = np.maximum(0.0, samples.q + samples.travel - np.asarray(self.position))
         fastest = np.abs(samples.dq) + samples.dq_change
         damping, stiffness = (

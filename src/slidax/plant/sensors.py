@@ -32,20 +32,20 @@ class Measurement(eqx.Module):
 class AbstractSensor(AbstractPart):
     """Map from the true state at a sample to a measurement.
 
-    Pure: random numbers depend on a seed and the sample's number only. Call a sensor at every sample, in order, from
-    number 0 on.
+    A sensor is a pure function: its random numbers depend only on a seed and the sample's number. Call a sensor at
+    every sample, in order, from number 0 on.
     """
 
     @abstractmethod
     def init(self, state: State) -> Memory:
-        """Sensor state before the first sample: any pytree of arrays, also an empty one.
+        """Return the sensor's memory before the first sample: any pytree of arrays, also an empty one.
 
         - `state`: true positions and velocities at sample 0.
         """
 
     @abstractmethod
     def __call__(self, k: Int[Array, ""], state: State, period: Scalar, memory: Memory) -> tuple[Measurement, Memory]:
-        """The measurement at sample k, and the memory after it, a tree like `memory`.
+        """Return the measurement at sample k, and the memory after it, a pytree like `memory`.
 
         - `k`: number of the sample, from 0 on.
         - `state`: true positions and velocities at sample k.
@@ -135,7 +135,7 @@ class DifferencedEncoders(AbstractSensor):
     position_noise: PerJoint = parameter(
         "σ, standard deviation before rounding", "rad or m", ">= 0", "(0 for none)", default=0.0
     )
-    cutoff: PerJoint = parameter("c, of the low-pass", "rad/s", "> 0", default=600.0)
+    cutoff: PerJoint = parameter("c, cut-off of the low-pass", "rad/s", "> 0", default=600.0)
     seed: Int[Array, ""] = seed("noise")
 
     def init(self, state: State) -> State:
@@ -176,14 +176,14 @@ class Delayed(AbstractSensor):
 
     sensor: AbstractSensor = piece("the delayed sensor")
     periods: float = parameter(
-        "the delay, also fractional; a new value compiles anew, since it sets how many states are stored",
+        "the delay, also fractional; a new value recompiles the loop, since it sets the number of stored states",
         "sampling periods",
         "[0, 100]",
         static=True,
         converter=float,
     )
     jitter: float = parameter(
-        "width of the delay's distribution; a new value compiles anew",
+        "width of the delay's distribution; a new value recompiles the loop",
         "sampling periods",
         "[0, 100]",
         default=0.0,
@@ -219,7 +219,7 @@ class Delayed(AbstractSensor):
     def _past(
         self, k: Int[Array, ""], q: Float[Array, "m n"], dq: Float[Array, "m n"], period: Scalar, start: State
     ) -> State:
-        """The state at the age of this sample."""
+        """Return the state that sample k measures, interpolated at its age."""
         age = jnp.asarray(self.periods)
         if self.jitter:
             age = jnp.maximum(age + self.jitter * (draw_uniform(self.seed, DELAYED, k) - 0.5), 0.0)

@@ -1,4 +1,4 @@
-"""Timing of real controller managers: update periods as users have printed them, and the samples that they lose."""
+"""Timing of real controller managers: update periods from public reports, and the samples that are lost."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class TimingTrace(NamedTuple):
     """Periods between the updates of a controller, which repeat.
 
     - `source`: the public report with the numbers.
-    - `nominal`: the period that was asked for [s], or the mean where the report does not state it.
+    - `nominal`: the configured period [s]; the mean if the report does not state it.
     - `periods`: printed periods [s].
-    - `every`: nominal periods from one such sequence to the next; the others are on time. None: without a pause. The
-      reports do not state it.
+    - `every`: nominal periods from the start of one sequence to the start of the next; updates in between are on time.
+      None repeats the sequence without a pause. The reports do not state this number.
     """
 
     source: str
@@ -24,9 +24,9 @@ class TimingTrace(NamedTuple):
     every: int | None = None
 
     def lost(self) -> np.ndarray:
-        """True for each sample that no update reads, since its period passes without one; repeats, [p].
+        """True for each sample that is lost, since its period passes without an update [p]; the pattern repeats.
 
-        Sample 0 is read, and the sequence begins with it.
+        The sequence begins with sample 0, which is not lost.
         """
         ends = np.cumsum(self.periods) / self.nominal
         length = self.every or max(round(float(ends[-1])), 1)

@@ -92,7 +92,7 @@ class Elasticity(AbstractPart):
 class TransmissionState(eqx.Module):
     """State of a transmission.
 
-    - `bristle`: deflection z of LuGre friction [n]; None without.
+    - `bristle`: deflection z of LuGre friction [n]; None without this friction.
     - `motor`: positions and velocities of the motors; None without elasticity.
     """
 
@@ -124,17 +124,18 @@ class Transmission(AbstractPart):
     Without friction and elasticity, the step would be `semi_implicit_euler`.
     """
 
-    friction: LuGre | None = piece("LuGre friction; None without", default=None)
+    friction: LuGre | None = piece("LuGre friction; None if there is none", default=None)
     elasticity: Elasticity | None = piece("elasticity of the joints; None for rigid ones", default=None)
 
     def __check_init__(self) -> None:
         if self.friction is None and self.elasticity is None:
-            raise DefinitionError("`Transmission` must have `friction` or `elasticity`, or both: leave it out")
+            raise DefinitionError("`Transmission` must have `friction`, `elasticity` or both: add one, or leave it out")
 
     def begin(self, state: State, held: Vector) -> TransmissionState:
-        """Return the state of a transmission that holds an arm.
+        """Return the transmission's state at the start, with its springs in equilibrium.
 
-        - `held`: torque that holds it there [n], N m or N.
+        - `state`: positions and velocities of the arm.
+        - `held`: torque that holds the arm in this position [n], N m or N.
         """
         elastic = self.elasticity
         motor = None if elastic is None else State(q=state.q + held / elastic.stiffness, dq=state.dq)
@@ -151,7 +152,9 @@ class Transmission(AbstractPart):
     ) -> tuple[State, TransmissionState]:
         """Return both states after a step under a constant torque.
 
+        - `state`, `own`: states of the arm and of the transmission at the start of the step.
         - `tau`: torque of the drives [n], N m or N.
+        - `load`: inertia and forces at the start of the step.
         - `h`: step [s].
         """
         moving = state if own.motor is None else own.motor

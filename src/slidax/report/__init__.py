@@ -1,11 +1,11 @@
-"""Everything a person looks at after a run: figures, HTML pages, files, and the replay in three dimensions.
+"""Output of finished runs: figures, HTML pages, files, and three-dimensional replays.
 
 Results are data; this subpackage draws them and simulates nothing, except `Rival.simulated` for comparisons.
 
 - `figures/`: matplotlib figures, one function each.
-- `page.py`, `pages.py`, `comparison.py`: self-contained HTML pages with their figures beside them as SVG.
+- `page.py`, `pages.py`, `comparison.py`: self-contained HTML pages; their figures are also SVG files.
 - `files.py`: logs as Parquet, scenarios as YAML.
-- `replay/`: the arm in three dimensions, live in the browser or as one HTML file.
+- `replay/`: three-dimensional replays, live in the browser or as one HTML file.
 """
 
 from .comparison import MetricRow as MetricRow

@@ -1,4 +1,4 @@
-"""Output of the benchmark: a page, a table in Markdown, and all numbers as JSON."""
+"""Output of the benchmark: an HTML report, a table in Markdown, and all numbers as JSON."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def markdown(
     versions: Mapping[str, str],
     command: str,
 ) -> str:
-    """Return the table of all schemes, and the verdict for each task.
+    """Return the table of all schemes, and the verdict for each task, as Markdown.
 
-    - `command`: command of the shell that made the results.
+    - `command`: shell command that computed the results.
     """
     tasks = results.round.tasks.values()
     held, trained = (
@@ -56,7 +56,7 @@ def markdown(
             "",
             f"{len(tables)} tasks; each scheme tuned by {results.round.budget} sets of gains on {trained} training "
             f"cases a task, scored on {held} others. Errors and torque steps are medians over the cases, as multiples "
-            "of the task's least, on average over the tasks.",
+            "of the task's least, with the geometric mean over the tasks.",
             "",
             *lines,
             "",
@@ -67,7 +67,7 @@ def markdown(
 
 
 def summarise_tasks(tables: Sequence[Ranking]) -> list[str]:
-    """Return a line for each task: the best scheme, and the significance of its lead, by Holm over the tasks."""
+    """Return a line for each task: the best scheme, and the significance of its lead, by Holm's method over tasks."""
     adjusted = holm([table.p_value for table in tables])
     return [_verdict(table, p_value) for table, p_value in zip(tables, adjusted, strict=True)]
 
@@ -99,9 +99,9 @@ def name_with_form(entry: BenchmarkEntry) -> str:
 
 
 def percent(share: float) -> str:
-    """Format a share of 1 in percent; 100 % and 0 % appear only for all and nothing."""
+    """Format a share from 0 to 1 in percent; `100 %` and `0 %`, without a decimal, appear only for 1 and 0."""
     if 0.995 <= share < 1.0 or 0.0 < share < 0.005:
-        return f"{100 * share:.1f} %"
+        return f"{min(max(100 * share, 0.1), 99.9):.1f} %"
     return f"{100 * share:.0f} %"
 
 
@@ -123,7 +123,7 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
 
     - `out`: a folder, made if missing.
     - `seconds`: duration of the round.
-    - `command`: command of the shell that made it.
+    - `command`: shell command that computed the results.
     """
     out.mkdir(parents=True, exist_ok=True)
     tasks = results.round.tasks
@@ -211,7 +211,7 @@ def _drawn(table: Ranking, folder: Path) -> Picture:
     ]
     figure = figures.benchmark_table(lines, "cases inside the tolerance band  [%]", "steady error  [rad or m]")
     caption = (
-        "Share of the held-out cases inside the tolerance band, with its interval; filled where it is not shown to be "
-        "smaller than the largest. Right: median steady error of the worst joint, over the cases that were not lost."
+        "Left: share of the held-out cases inside the tolerance band, with its confidence interval. A filled dot is "
+        "not significantly below the largest share. Right: median steady error of the worst joint, without lost cases."
     )
     return picture(figure, folder, table.task, table.task, caption)

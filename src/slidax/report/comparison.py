@@ -1,4 +1,4 @@
-"""Several schemes on the same task: their runs, their metrics joint by joint, and a page."""
+"""Comparison of schemes in the same scenario: runs, metrics of each joint, and an HTML report."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Rival:
     """The run of one scheme in a comparison.
 
     - `scenario`, `run`: the simulated scenario and its run.
-    - `outside`: samples outside the scheme's envelope, or for a scheme without one outside the comparison's envelope;
-      None if there is none.
+    - `outside`: number of samples outside the scheme's envelope, or outside the comparison's envelope for a scheme
+      without its own; None if neither has an envelope.
     """
 
     scenario: Scenario
@@ -55,11 +55,11 @@ class Rival:
     def simulated(cls, scenario: Scenario, judge: Scenario, *, logged: bool) -> Rival:
         """Simulate a scheme and count its samples outside the envelope.
 
-        - `scenario`: to simulate.
-        - `judge`: has the envelope for a scheme without one.
+        - `scenario`: the scenario to simulate.
+        - `judge`: the scenario whose envelope is used for a scheme without an envelope.
         - `logged`: keep the log that the scenario requests.
         """
-        # Of every sample, since metrics count all of them too.
+        # Log every sample to count those outside: the metrics use every sample, too.
         run = scenario.simulate(log_every=1)
         outside = int(run.tally.violations) if run.has_envelope else _outside(judge, run)
         kept = jax.tree.map(lambda x: x[:: scenario.log_every].copy(), run.log) if logged else None
@@ -67,7 +67,7 @@ class Rival:
 
 
 def _outside(judge: Scenario, run: Run) -> int | None:
-    """Logged samples with a joint at or outside another scheme's envelope."""
+    """Return the number of logged samples with a joint at or outside another scenario's envelope; None without one."""
     law, start = judge.controller, jnp.zeros(())
     memory = law.init(start, judge.state0, judge.trajectory.reference(start))
     if run.log is None or law.envelope(start, memory) is None:
@@ -81,7 +81,7 @@ def _outside(judge: Scenario, run: Run) -> int | None:
 class MetricRow:
     """One metric of one joint.
 
-    - `values`: by scheme, in `unit`; None where there is none.
+    - `values`: the value of each scheme, in `unit`; None for a missing value.
     - `best`: the schemes with the least value, among the runs that reached their end.
     - `metric`, `joint`: the metric, and the joint's name.
     """
@@ -94,7 +94,7 @@ class MetricRow:
 
 
 def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> list[MetricRow]:
-    """All metrics joint by joint.
+    """Return a row for each metric and joint.
 
     - `rivals`: runs by scheme, all on the same arm.
     - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
@@ -141,7 +141,7 @@ def comparison_verdict(rivals: Mapping[str, Rival]) -> RunVerdict:
 
 
 def _leaders(runs: Mapping[str, Run]) -> list[str]:
-    """A sentence on the best of at least two runs, for each metric in `RANKED` that has one unit."""
+    """Return a sentence that names the best of at least two runs, for each metric in `RANKED` with a single unit."""
     facts = []
     for title, metric in RANKED.items():
         shown = {name: [value for value in metric.shown(run) if value is not None] for name, run in runs.items()}
@@ -154,7 +154,7 @@ def _leaders(runs: Mapping[str, Run]) -> list[str]:
 
 
 def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """The comparison of `rivals` by all metrics and those in `also`, ready for JSON: every number in it is finite."""
+    """Return the comparison of `rivals` by all metrics, and by those in `also`, as JSON with finite numbers only."""
     first = next(iter(rivals.values()))
     scenario = first.scenario
     best: dict[str, list[list[str]]] = {}
@@ -195,7 +195,7 @@ def _least(values: Mapping[str, float | None], among: list[str]) -> frozenset[st
 
 
 ACROSS = 5
-"""Schemes side by side in a table."""
+"""Largest number of schemes in a table."""
 
 
 def write_comparison(
@@ -234,14 +234,14 @@ def write_comparison(
 
 
 def _tables(names: list[str]) -> list[list[str]]:
-    """The names in as few tables as fit on paper, of nearly equal length."""
+    """Split the names into as few tables as possible, each with at most `ACROSS` names, of nearly equal length."""
     tables = -(-len(names) // ACROSS)
     each = -(-len(names) // tables)
     return [names[start : start + each] for start in range(0, len(names), each)]
 
 
 def _drawable(rivals: Mapping[str, Rival]) -> dict[str, Rival]:
-    """Runs with at least two finite samples, and no more than there are line styles."""
+    """Return the runs with at least two finite samples, at most as many as there are line styles."""
     return dict(islice(((name, rival) for name, rival in rivals.items() if _has_samples(rival.run)), len(LOOKS)))
 
 
@@ -265,27 +265,27 @@ def _pictures(rivals: Mapping[str, Rival], rows: list[MetricRow], folder: Path) 
         (
             "tracking-errors",
             "Tracking errors",
-            "At the beginning, and their absolute values over the run, each the largest sample of a short interval."
+            "Left: the beginning. Right: absolute values over the run; a point is the largest sample of an interval."
             + behind,
             figures.compared_errors(runs),
         ),
         (
             "velocity-errors",
             "Velocity errors",
-            "At the beginning, and their absolute values over the run, drawn in the same way.",
+            "Left: the beginning. Right: absolute values over the run, drawn in the same way.",
             figures.compared_velocity_errors(runs),
         ),
         (
             "torques",
             "Torques",
-            "Over the whole run, and at the beginning. A tinted band is the range of a chattering torque; "
+            "Left: the whole run. Right: its beginning. A tinted band is the range of a chattering torque; "
             "peaks far above all others are cut off.",
             figures.compared_torques(runs, limits=torque_limits(next(iter(drawn.values())).scenario)),
         ),
         (
             "tip-paths",
             "Paths of the tip",
-            "Over the desired path; each starts at a ring.",
+            "Each path starts at a ring. The desired path is grey.",
             figures.compared_tip_paths({name: path for name, (path, _) in paths.items()}, desired),
         ),
     ]
@@ -294,7 +294,7 @@ def _pictures(rivals: Mapping[str, Rival], rows: list[MetricRow], folder: Path) 
         bars = {name: [row.values[name] for row in metric_rows] for name in drawn}
         units = ", ".join(dict.fromkeys(row.unit for row in metric_rows))
         joints = short_names([row.joint for row in metric_rows])
-        caption = f"{metric.meaning}, joint by joint on a logarithmic axis."
+        caption = f"{metric.meaning}, for each joint, on a logarithmic axis."
         figure = figures.metric_bars(bars, f"{metric.title}  [{units}]", joints)
         specs.append((metric.key, metric.title.capitalize(), caption, figure))
     return [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]

@@ -18,7 +18,7 @@ from slidax.simulation.run import Run, columns_of
 
 
 def write_scenario(description: ScenarioDescription, path: str | Path) -> None:
-    """Write a validated `description` to `path` as YAML that runs from anywhere: its file names are absolute."""
+    """Write a validated `description` to `path` as YAML. Its file names are absolute, so it runs from any folder."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     parts = {name: _with_whole_paths(getattr(description, name)) for name in ("robot", "trajectory")}
@@ -35,13 +35,13 @@ def _with_whole_paths(part: Any) -> Any:
 
 
 def parameters(scenario: Scenario) -> dict[str, str]:
-    """The YAML of a `scenario`, and its law with the values of all parameters."""
+    """Return two YAML texts by title: a `scenario`, and its law with the values of all parameters."""
     law = _values(scenario.controller)
     return {"The scenario": as_yaml(scenario.description), "The law with all its values": dump_yaml(law)}
 
 
 def _values(part: Any) -> Any:
-    """Class name and fields; for a robot, which the scenario describes, only its class name."""
+    """Return a module as its class name and fields; a robot, which the scenario describes, as its class name alone."""
     if isinstance(part, AbstractRobot):
         return type(part).__name__
     if isinstance(part, eqx.Module):
@@ -56,12 +56,12 @@ def _values(part: Any) -> Any:
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """Round to six digits, so that rounding errors of decimals do not show."""
+    """Round to six significant digits, which hides the rounding errors of binary numbers."""
     return np.vectorize(lambda value: float(f"{value:.6g}"), otypes=[float])(values)
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
-    """The log of a `run` as flat columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals.
+    """Return the log of a `run` as columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals.
 
     Raises DefinitionError if the run has no log.
     """

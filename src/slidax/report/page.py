@@ -43,15 +43,13 @@ def significant(number: float | None, digits: int = 4) -> str:
 
 
 def typeset(text: object) -> Markup:
-    """Return a plain `text` as HTML: raised powers of ten, `T_max` with subscript, code in backticks, and true signs.
+    """Return a plain `text` as HTML: raised powers of ten, `T_max` with subscript, code in backticks, and ≤, ≥ and −.
 
-    Neither a unit nor a bar of a magnitude begins a line.
-
-    HTML in the text is escaped; Markup passes unchanged.
+    A line never breaks before a unit or within `|x|`. HTML in the text is escaped; Markup passes unchanged.
     """
     if isinstance(text, Markup):
         return text
-    # Every other piece is what a reader would type.
+    # Every other piece is code in backticks.
     pieces = str(escape(text)).split("`")
     if len(pieces) % 2 == 0:
         return Markup(_set("`".join(pieces)))
@@ -75,12 +73,12 @@ PACKAGES = ("jax", "jaxlib", "equinox", "numpy", "matplotlib")
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, slidax and the packages that compute or draw, by name."""
+    """Return the versions of Python, slidax and the packages that compute or draw, by name."""
     return {"slidax": __version__, "Python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
 def machine() -> dict[str, str]:
-    """Processor, number of cores and operating system."""
+    """Return CPU model, number of cores and operating system, as text by name."""
     return {
         "processor": _processor(),
         "cores": str(os.cpu_count() or "unknown"),
@@ -99,8 +97,9 @@ def _processor() -> str:
 
 
 def write_page(out: str | Path, template: str, *, data: Mapping[str, Any] | None = None, **values: Any) -> Path:
-    """Write a page to `out/report.html` and its `data` as JSON to files by name in `out`; return the page's path.
+    """Write a page to `out/report.html` and its `data` to JSON files in `out`; return the page's path.
 
+    - `data`: contents of the JSON files, by file name.
     - `template`, `values`: as for `render`; versions and machine are added.
     """
     out = Path(out)
@@ -136,7 +135,7 @@ def _number(value: float | None, digits: int = 3) -> Markup:
 
 
 def _numbers(values: Sequence[float | None], digits: int = 3) -> Markup:
-    """A list in prose: "1.2, 3.4 and 5.6"."""
+    """Format a list in prose: "1.2, 3.4 and 5.6"."""
     words = [_number(value, digits) for value in values]
     return words[0] if len(words) == 1 else Markup("{} and {}").format(Markup(", ").join(words[:-1]), words[-1])
 

@@ -1,4 +1,4 @@
-"""The pages of a run, a study, certificates, a linearised loop and an identification."""
+"""HTML reports of a run, a study, certificates, a linearised loop and an identification."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .page import Picture, picture, write_page
 
 
 def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Actual and desired tip positions at the logged times, each [k 3], m.
+    """Return the actual and the desired tip positions at the logged times, [samples 3] each, m.
 
     - `robot`: the arm, for its kinematics.
     - `run`: run with a log.
@@ -36,7 +36,7 @@ def tip_paths(robot: AbstractRobot, run: Run) -> tuple[np.ndarray, np.ndarray]:
     Raises DefinitionError if the run has no log.
     """
     if run.log is None:
-        raise DefinitionError("the path of the tip needs the log of the run; simulate with `log_every=10`, not None")
+        raise DefinitionError("this run has no log, which the tip path needs: simulate with `log_every=10`, not None")
     tips = eqx.filter_jit(eqx.filter_vmap(robot.tip))
     actual, desired = (tips(jnp.asarray(q)) for q in (run.log.state.q, run.log.reference.q))
     return np.asarray(actual), np.asarray(desired)
@@ -79,31 +79,32 @@ def write_run_report(
 
 
 def _unit_of(units: Sequence[str]) -> str:
-    """The unit of a row, "rad, m" for joints of both kinds."""
+    """Return the units of a row without repetitions: "rad, m" for an arm with revolute and prismatic joints."""
     return ", ".join(dict.fromkeys(units))
 
 
 def _joint_columns(scenario: Scenario, run: Run) -> list[tuple[str, str, list[float | None]]]:
-    """Columns of the short table: title, unit and a value per joint; None where there is none."""
+    """Return the columns of the joint table: title, unit, and one value per joint; None for a missing value."""
     columns = [("Steady error", _unit_of(steady_error.units(run)), steady_error.shown(run))]
     if run.has_envelope:
         columns.insert(0, _envelope_column(run))
     columns.append(("Peak torque", _unit_of(peak_torque.units(run)), peak_torque.shown(run)))
     if (limits := torque_limits(scenario)) is not None:
         used = [None if tau is None else 100.0 * tau / c for tau, c in zip(peak_torque.shown(run), limits, strict=True)]
-        columns.append(("Torque", "% of its limit", used))
+        columns.append(("Peak torque", "% of its limit", used))
     return columns
 
 
 def _envelope_column(run: Run) -> tuple[str, str, list[float | None]]:
+    """Return the largest error as a share of its bound; without a log, the least margin to the envelope."""
     if run.log is None or not len(np.atleast_1d(run.log.t)):
         left = [None if value is None else 100.0 * value for value in envelope_margin.shown(run)]
-        return "Envelope left", "% of its width", left
-    return "Error", "% of its bound", [100.0 * float(share) for share in np.nanmax(bound_shares(run), axis=0)]
+        return "Envelope margin", "% of its width", left
+    return "Error", "% of its bound, at most", [100.0 * float(share) for share in np.nanmax(bound_shares(run), axis=0)]
 
 
 def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> tuple[Picture | None, list[Picture]]:
-    """The picture of all joints at once, if the scheme has an envelope, and those of each joint."""
+    """Return the figure with all joints in one panel, None without an envelope, and the figures by joint."""
     if run.log is None or len(np.atleast_1d(run.log.t)) < 2:
         return None, []
     overview = None
@@ -119,17 +120,17 @@ def _run_pictures(scenario: Scenario, run: Run, folder: Path) -> tuple[Picture |
         (
             "tracking-error",
             "Tracking error",
-            f"The error{inside}, and its absolute value.",
+            f"Left: the error{inside}. Right: its absolute value.",
             figures.tracking_error(run),
         ),
         (
             "velocity-error",
             "Velocity error",
-            "At the beginning, and its absolute value over the run.",
+            "Left: the beginning. Right: the absolute value over the whole run.",
             figures.velocity_error(run),
         ),
-        ("torque", "Torque", "Over the whole run, and at its beginning.", torque),
-        ("tip-path", "Path of the tip", "In the workspace.", figures.tip_path(*tip_paths(scenario.plant.robot, run))),
+        ("torque", "Torque", "Left: the whole run. Right: its beginning.", torque),
+        ("tip-path", "Path of the tip", "Actual and desired.", figures.tip_path(*tip_paths(scenario.plant.robot, run))),
     ]
     return overview, [picture(figure, folder, name, title, caption) for name, title, caption, figure in specs]
 
@@ -205,13 +206,16 @@ def _certificate_pictures(scenario: Scenario, certificates: Certificates, folder
     robot = getattr(plant, "own", plant).robot
     radii = np.sort(np.abs(np.stack(envelope)), axis=0)
     name = "envelope" if has_envelope(scenario) else "tolerance band"
-    caption = f"The two sides of the {name} by their distance from zero, and the bounds of |e| with their grades."
+    caption = f"Absolute values of both sides of the {name}, and the certified bounds of |e| with their grades."
     figure = figures.bounded_error(t, radii, bounds, short_names(robot.joint_names), robot.joint_units)
     return [picture(figure, folder, "bounded-error", "Bound of the error", caption)]
 
 
 def _tolerance_bounds(scenario: Scenario, t: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """The tolerance band for the scenario's own start, two arrays [N n]; None without one."""
+    """Return the lower and the upper bound of the tolerance band for the scenario's initial error, [times joints] each.
+
+    None if the scenario has no tolerance band.
+    """
     band = scenario.tolerance
     if band is None:
         return None
@@ -222,20 +226,20 @@ def _tolerance_bounds(scenario: Scenario, t: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _bounds(certificates: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Bounds of |e| over time, of certificates that hold."""
+    """Return times and bounds of |e| by legend label, from the certificates that hold."""
     bounds: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for verdict in certificates:
         if not verdict.holds:
             continue
         bound: Any = verdict.bound
         if "error_over_time" in bound:
-            bounds[f"at this rate, grade {verdict.grade}"] = (
+            bounds[f"at this sample rate, grade {verdict.grade}"] = (
                 np.asarray(bound["times"], float),
                 np.asarray(bound["error_over_time"], float),
             )
         elif verdict.name == "ultimate_bound":
             error = np.asarray(bound["error"], float)
-            bounds[f"in the end, grade {verdict.grade}"] = np.array([0.75 * t1, t1]), np.stack([error, error])
+            bounds[f"ultimate bound, grade {verdict.grade}"] = np.array([0.75 * t1, t1]), np.stack([error, error])
     return bounds
 
 
@@ -282,11 +286,11 @@ def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
     for where, title in LOOP_POINTS.items():
         closed = linear.closed_loop(where).response(omega)
         loops = {name: -closed[:, k, k] / (1.0 + closed[:, k, k]) for k, name in enumerate(names)}
-        caption = "Open loop of each joint with the other joints closed, up to half of the sampling frequency."
+        caption = "Open loop of each joint with the other joints' loops closed, up to half of the sampling frequency."
         figure = figures.bode(omega, loops, title)
         pictures.append(picture(figure, folder, f"bode-{where}", f"Bode, {where}", caption))
         disks = {margin.where: margin.disk for margin in linear.margins(where) or []}
-        caption = "The same loops in the complex plane; the circle is the disk margin of the joint nearest to -1."
+        caption = "The same open loops in the complex plane. The circle shows the smallest disk margin of the joints."
         figure = figures.nyquist(loops, disks, title)
         pictures.append(picture(figure, folder, f"nyquist-{where}", f"Nyquist, {where}", caption))
     return pictures

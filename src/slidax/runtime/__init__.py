@@ -1,8 +1,8 @@
-"""Real-time loop of an exported law: two processes, a clock, and shared memory; needs no JAX.
+"""Real-time loop of an exported control law: two processes, a clock, and shared memory; needs no JAX.
 
-Read `sides` first: the law's side answers measurements, the arm's side applies torques and measures. `processes` runs
-each side in its own process. `shared_memory` has mailboxes, rings and machine code. `logs` reads and writes MCAP files
-and ROS 2 bags. `slidax.export` assembles the loop.
+Read `sides` first: the law's side computes torques from measurements, the arm's side applies torques and measures.
+`processes` runs each side in its own process. `shared_memory` has mailboxes, ring buffers and machine code. `logs`
+reads and writes MCAP files, and reads ROS 2 bags. `slidax.export` assembles the loop.
 """
 
 from .shared_memory import Arena as Arena

@@ -1,4 +1,7 @@
-"""Processes of a real-time loop: `python -m slidax.runtime.processes law|arm DESCRIPTOR`."""
+"""Processes of a real-time loop: `python -m slidax.runtime.processes law|arm DESCRIPTOR`.
+
+`DESCRIPTOR` is the file descriptor of the shared memory.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ READY = b"ready\n"
 
 
 class ProcessContext:
-    """A process's view of the shared memory and of its job."""
+    """Access of a process to the shared memory, with the start time and the stop flag of the loop."""
 
     def __init__(self, memory: np.ndarray, job: LoopJob) -> None:
         self._memory, self._job = memory, job
@@ -62,7 +65,10 @@ class ProcessContext:
 
 
 def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideReport]]) -> None:
-    """Run the side that the arguments name; its job comes from stdin, and its report goes to stdout."""
+    """Run the side that the first command-line argument names: read its job from stdin, and write its report to stdout.
+
+    - `sides`: the function of each side, by name.
+    """
     job: LoopJob = pickle.load(sys.stdin.buffer)
     report = sides[sys.argv[1]](job, ProcessContext(map_shared_memory(int(sys.argv[2])), job))
     sys.stdout.buffer.write(pickle.dumps(report))
@@ -70,7 +76,7 @@ def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideRepo
 
 
 BRAKES_FOR = 2.0
-"""Longest braking [s]; a real arm's mechanical brakes would hold it by then."""
+"""Longest time of braking [s]; by then, the mechanical brakes of a real arm would hold the arm."""
 
 
 def run_arm(job: LoopJob, context: ProcessContext) -> SideReport:
@@ -153,7 +159,7 @@ NAP = 20_000
 
 
 def run_law(job: LoopJob, context: ProcessContext) -> SideReport:
-    """Run the law's loop: wake up, take the newest measurement, answer it, log, sleep."""
+    """Run the law's loop: wake up, read the newest measurement, send a command, log, sleep."""
     law = LawSide(job.plan, job.period)
     measurement, command, row, _ = job.lengths
     measurements = Mailbox(context.at(job.places.measurements), measurement)

@@ -1,4 +1,4 @@
-"""Memory shared by the processes of a real-time loop: mailboxes, rings, and machine code with its data."""
+"""Memory shared by the processes of a real-time loop: mailboxes and ring buffers; machine code with its data."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 
 NEWEST = 8
-"""Number of stored messages, so that the newest can be read while the next is written."""
+"""Number of messages that a mailbox stores, so that the newest can be read while the next is written."""
 
 
 def create_shared_memory(size: int) -> int:
-    """Return the descriptor of shared memory that disappears with the last process that uses it; `size` in bytes."""
+    """Return the file descriptor of new shared memory, which is freed when the last process that uses it ends.
+
+    - `size`: size of the memory [bytes].
+    """
     if sys.platform == "linux":
         descriptor = os.memfd_create("slidax")
     else:
@@ -37,13 +40,13 @@ def map_shared_memory(descriptor: int) -> np.ndarray:
 
 
 FRESH = 16
-"""Number of newest rows that a reader leaves alone: another processor may see the row count before the rows."""
+"""Number of newest rows that a reader does not read yet: its CPU core may see the row count before the rows."""
 
 
 class Mailbox:
-    """The newest message from a process to another: bytes of fixed size, with a number and a checksum.
+    """The newest message from one process to another: bytes of fixed size, with a number and a checksum.
 
-    The checksum detects an incomplete message, in whatever order writes become visible to other processors.
+    The checksum detects an incomplete message, in whatever order writes become visible to other CPU cores.
 
     - `memory`: shared memory of `Mailbox.size(length)` bytes.
     - `length`: length of a message [bytes], a multiple of 8.
@@ -75,9 +78,9 @@ class Mailbox:
         self._newest[0] = number
 
     def get(self) -> int:
-        """Copy the newest complete message into `message`; return its number.
+        """Copy the newest message into `message`; return its number.
 
-        Returns -2 if there is none; the content of `message` is then undefined.
+        Returns -2 if there is no message or it is incomplete; the content of `message` is then undefined.
         """
         number = int(self._newest[0])
         if number == -2:
@@ -89,11 +92,11 @@ class Mailbox:
 
 
 class Ring:
-    """Ring buffer of rows from a process to another; the writer never waits, and overwrites unread rows.
+    """Ring buffer of rows from one process to another; the writer never waits, and overwrites unread rows.
 
     - `memory`: shared memory of `Ring.size(length, rows)` bytes.
     - `length`: length of a row [bytes], a multiple of 8.
-    - `rows`: capacity.
+    - `rows`: capacity [rows].
     """
 
     def __init__(self, memory: np.ndarray, length: int, rows: int) -> None:
@@ -116,7 +119,12 @@ class Ring:
         self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
-        """Return the new rows, [m length], without the `FRESH` newest ones unless the writer has ended (`last`)."""
+        """Return the rows written since the last call, [rows length].
+
+        Rows that the writer has overwritten, or will soon, are skipped and counted in `lost`.
+
+        - `last`: True if the writer has ended. False leaves the `FRESH` newest rows for the next call.
+        """
         written = int(self._written[0])
         upto = written if last else written - FRESH
         # Keep a distance from the row that is being written.
@@ -130,12 +138,12 @@ class Ring:
 
 
 ALIGNED = 64
-"""Alignment of the block [bytes]: a cache line, which is enough for every vector load."""
+"""Alignment of an arena's block [bytes]: a cache line, which is enough for every vector load."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Position of an array in the block; `offset` in bytes."""
+    """Position of an array in an arena's block; `offset` in bytes."""
 
     offset: int
     shape: tuple[int, ...]
@@ -153,7 +161,7 @@ class MachineCode:
 
     - `object`: an object file for this machine.
     - `entry`: name of its function.
-    - `offsets`: offsets of all inputs and then all outputs in the block [bytes]; no output is an input.
+    - `offsets`: offsets of all inputs and then all outputs in the arena's block [bytes]; no output overlaps an input.
     """
 
     object: bytes
@@ -177,7 +185,9 @@ class CodePlan:
 
 
 class Arena:
-    """The block in this process, with its code ready to call; the overhead of a call is less than 1 µs.
+    """A block of memory with all arrays of some machine code, and the code ready to call.
+
+    The overhead of a call is less than 1 µs.
 
     Raises ImportError if llvmlite is missing.
     """
@@ -196,7 +206,7 @@ class Arena:
         }
 
     def reset(self) -> None:
-        """Restore the initial block."""
+        """Restore the initial content of the block."""
         self.block[:] = np.frombuffer(self.plan.initial, np.uint8)
 
     def view(self, name: str) -> np.ndarray:
@@ -216,7 +226,7 @@ class Arena:
 
 
 def _link(plan: CodePlan) -> dict[str, Any]:
-    """Link each function once; return them by name."""
+    """Link each function of a plan once, and return the functions by name."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()

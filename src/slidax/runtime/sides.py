@@ -1,4 +1,4 @@
-"""The two sides of a real-time loop, law and arm, with their job description and their clock; needs no JAX."""
+"""The two sides of a real-time loop, control law and arm, with their settings and their clock; needs no JAX."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Sleeper:
             self._sleep = ctypes.CDLL(None).clock_nanosleep
 
     def until(self, when: int) -> None:
-        """Return at time `when` [ns, as from `now`], or at once if it has passed."""
+        """Sleep until time `when` [ns, on the clock of `now`]; return at once if it has passed."""
         if self._sleep is None:
             left = when - now()
             if left > 0:
@@ -61,8 +61,8 @@ class RealTimeGrant:
     """The real-time properties that the system granted.
 
     - `priority`: real-time priority (SCHED_FIFO); None for an ordinary process.
-    - `locked`: True if its memory stays in RAM (mlockall).
-    - `absolute`: True if it sleeps by absolute times (clock_nanosleep).
+    - `locked`: True if the memory of the process stays in RAM (mlockall).
+    - `absolute`: True if the process sleeps until absolute times (clock_nanosleep).
     """
 
     priority: int | None
@@ -73,7 +73,7 @@ class RealTimeGrant:
 def request_real_time(priority: int) -> RealTimeGrant:
     """Request real-time priority (1 to 99) and locked memory, and stop garbage collection.
 
-    From then on, the process ends with its parent. Returns the granted properties.
+    On Linux, the process also ends when its parent process ends. Returns the granted properties.
     """
     gc.collect()
     gc.freeze()
@@ -93,10 +93,10 @@ def request_real_time(priority: int) -> RealTimeGrant:
 
 
 KEPT_ROWS = 8192
-"""Rows of a ring: eight seconds at 1 kHz, for a recorder that is delayed."""
+"""Capacity of a ring buffer [rows]: at 1 kHz, a recorder may be delayed by eight seconds."""
 
 STOP = -1
-"""Value of a command's time stamp by which the law asks the arm to brake."""
+"""Time stamp of a command by which the law requests that the arm brakes."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class MemoryLayout:
     """Layout of the shared memory: the offset of each part [bytes].
 
     - `measurements`, `commands`: the mailboxes.
-    - `law_rows`, `arm_rows`: the rings.
+    - `law_rows`, `arm_rows`: the ring buffers.
     - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; followed by a flag that ends both
       processes.
     - `size`: total size.
@@ -120,19 +120,19 @@ class MemoryLayout:
 
 @dataclass(frozen=True)
 class LoopJob:
-    """The job of a side of the loop.
+    """Settings for one side of the loop, which its process receives.
 
-    - `plan`: its code.
+    - `plan`: code of the side.
     - `places`: layout of the shared memory.
     - `lengths`: lengths of a measurement, a command, a row of the law and a row of the arm [bytes].
     - `period`: time between two ticks [s].
     - `ticks`: number of ticks.
-    - `patience`: number of ticks without a command, or without a measurement, that ends the loop.
+    - `patience`: number of ticks without a command until the arm brakes, and without a measurement until the law ends.
     - `phase`: time from a tick to the law's wake-up [ns].
     - `priority`: real-time priority to request.
-    - `world`: for the arm: MuJoCo's model with the joints' indices, or None.
+    - `world`: MuJoCo's model and joint indices, for the arm; None for slidax's own simulator and for the law.
     - `substeps`: MuJoCo steps per tick.
-    - `stop_bit`: status bit of the law that makes the arm brake; 0 for none.
+    - `stop_bit`: mask of the bit in the law's status that makes the arm brake; 0 for none.
     """
 
     plan: CodePlan
@@ -150,7 +150,7 @@ class LoopJob:
 
 @dataclass(frozen=True)
 class SideReport:
-    """A side's report at its end.
+    """Report of one side after its loop has ended.
 
     - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
     - `counts`: event counters, by name.
@@ -162,14 +162,15 @@ class SideReport:
 
 
 class LawSide:
-    """A law that answers measurements one by one.
+    """The law's side: computes a torque command from each measurement.
 
-    A command takes effect at a tick. If it arrives too late, the arm holds its previous torque, and the law's memory of
-    its own command is wrong. Therefore each measurement carries the number of the last applied command, and the law
-    continues from its memory after that command. The law treats such a tick as a lost sample.
+    A command takes effect at a tick. If it arrives too late, the arm holds the previous torque. The law's memory (its
+    internal state) then contains a command that the arm did not apply. Therefore each measurement carries the tick of
+    the last applied command, and the law continues from its memory after that command. For the law, a tick whose
+    command was late is a lost sample.
 
-    - `plan`: its code: `motion` computes the reference at `t`; `step_0`, `step_1` step from one of two memories to the
-      other.
+    - `plan`: code of the law: `motion` computes the reference at `t`; `step_0` computes a command and steps from the
+      first of two memories to the second, `step_1` from the second to the first.
     - `period`: time between two ticks [s].
     """
 
@@ -203,7 +204,7 @@ class LawSide:
         self._motion()
 
     def answer(self, k: int, applied: int) -> bool:
-        """Compute the command in `tau` from `measured`; return False if the memory to continue from is not available.
+        """Compute the command `tau` from `measured`; return False if the memory after the last applied command is lost.
 
         - `k`: the tick at which the command takes effect.
         - `applied`: the last tick whose command was applied, as reported by the arm; -1 before the first.
@@ -218,10 +219,10 @@ class LawSide:
         return applied == self._kept
 
     def repeat(self, sample: np.ndarray, k: int, basis: int) -> bool:
-        """Answer a logged sample again; return False if the memory to continue from is not available.
+        """Compute the command for a logged sample again; return False under the same condition as `answer`.
 
         - `sample`: time, measurement and reference, as bytes.
-        - `k`, `basis`: tick and basis in the logged row.
+        - `k`, `basis`: from the logged row: the tick of the command, and the tick of the last applied command.
         """
         self._k[()] = k
         self._sample[:] = sample
@@ -235,7 +236,8 @@ World = tuple[Any, np.ndarray, np.ndarray]
 class ArmSide:
     """An arm that is simulated tick by tick.
 
-    - `plan`: its code: `set` applies a torque, `measure` measures, `move` moves the arm or computes MuJoCo's force.
+    - `plan`: code of the arm: `set` applies a torque and `measure` measures. `move` simulates to the next tick; with
+      MuJoCo, it computes the applied force.
     - `world`: MuJoCo's model; None for slidax's own simulator.
     - `substeps`: MuJoCo steps per tick.
     """
@@ -301,5 +303,5 @@ class ArmSide:
 
     @property
     def rests(self) -> bool:
-        """True if the arm has come to rest."""
+        """True if all joint speeds are below 1e-3 rad/s or m/s."""
         return bool(np.abs(self.dq).max() < 1e-3)

@@ -1,9 +1,9 @@
 """Scenarios: a closed loop as a YAML file, validated, and built from parts.
 
-Start with `scenario.py`: `ScenarioDescription` is the file, `Scenario` the objects that run. `load.py` reads files,
-`changes.py` sets values by path, `yaml_text.py` reads and writes YAML. The other files describe one block each:
-`robots.py`, `trajectories.py`, `instruments.py`, `schemes.py`, `sampled_data.py`. `uncertainty.py` and `family.py` have
-the sets that studies draw from; `draft.py` is `slidax new`.
+Start with `scenario.py`: `ScenarioDescription` is the content of a file, `Scenario` the closed loop built from it.
+`load.py` reads files, `changes.py` sets values by path, `yaml_text.py` reads and writes YAML. The other files describe
+one block of a scenario each: `robots.py`, `trajectories.py`, `instruments.py`, `schemes.py`, `sampled_data.py`.
+`uncertainty.py` and `family.py` define the sets from which studies draw values; `draft.py` implements `slidax new`.
 """
 
 from .catalogue import catalogue as catalogue

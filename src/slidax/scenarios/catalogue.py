@@ -65,11 +65,11 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
     "recovery": RecoveryDescription,
     "calm": CalmDescription,
 }
-"""Blocks of a scenario with one kind."""
+"""Blocks of a scenario that have only one form."""
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Return all parts by kind and name, each with one line."""
+    """Return a line about each part, by kind and name."""
     parts = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
     return {**parts, "scenarios": {name: read_description(name).title for name in names()}}
 
@@ -80,7 +80,7 @@ def members(kind: str) -> dict[str, type[AbstractDescription]]:
 
 
 def explain_parameters(name: str) -> dict[str, Any]:
-    """Return a part's parameters: path, unit, range with its equation, default, the default's source, and meaning.
+    """Return a part's name, title and parameters, each with path, unit, range, default, default's source and meaning.
 
     - `name`: name of a part in `catalogue`, `kind.name` if several kinds have this name, or a block of a scenario, such
       as `sensor`.
@@ -139,7 +139,7 @@ def _row(path: str, field: FieldInfo) -> dict[str, Any]:
 
 
 def _described(field: FieldInfo) -> type[AbstractDescription] | None:
-    """The default description of a field: its block, or the preset's part; None without a default."""
+    """The description whose parameters belong to a field: its block, or the preset's part; None without either."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, AbstractDescription):
         return field.annotation
     preset = [model for model in _models(field) if not model.model_fields["kind"].is_required()]

@@ -70,7 +70,7 @@ def _robots() -> TypeAdapter[Any]:
 
 
 def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Return a scenario with changed values, and with each parameter of its scheme under the part that has it.
+    """Return a scenario's mapping with changed values, and with each parameter of the scheme below its part.
 
     - `data`: mapping of the file; it is not modified.
     - `changes`: new values by dotted path; it is not modified either. Names and kinds are set first, since other values
@@ -107,7 +107,7 @@ def _from_here(path: str, value: Any) -> Any:
 
 
 def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
-    """Return a path with numeric indices, and with the part that has a parameter of the scheme.
+    """Return the full path of a value: with numeric indices, and with the part to which a scheme's parameter belongs.
 
     - `data`: mapping of the file.
     - `path`: path as in `--set`.
@@ -130,7 +130,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     parts = path.split(".")
     if not all(parts):
         raise DefinitionError(
-            f"`{plain_name(path)}` is not a path: it needs a name between two dots, at its start and at its end"
+            f"`{plain_name(path)}` is not a path: a name must be at its start, at its end and between two dots"
         )
     node: Any = data
     for depth, part in enumerate(parts):

@@ -23,17 +23,17 @@ from slidax.simulation.states import Numbers, spread_in_box, states_of
 POSTURES = 256
 
 LEAST, MOST = 0.2, 0.5
-"""Range of γ in the printed law: no model is assumed to be more exact, and u grows as 1/(1 - γ)."""
+"""Smallest and largest γ of the printed law: no model is assumed to be more exact, and u grows as 1/(1 - γ)."""
 
 MARGIN = 0.2
-"""k as a share of the norm of the torque limits, or of the weight without limits."""
+"""k as a share of the norm of the torque limits, or of the weight if there are no limits."""
 
 CEILING = 0.25
 """Largest `k + b0` of a sampled-data law as a share of the norm of the torque limits: a larger estimate diverges while
 the drives are at their limits. The Panda with 2 kg is stable with 0.23, but not with 0.46."""
 
 FAR_BELOW = 0.1
-"""Share of the norm of the torque limits above which a bound is plausible."""
+"""Share of the norm of the torque limits: if u is below it, the bound may be too small."""
 
 RANGE = {"rad": np.pi, "m": 0.5}
 """rad or m to both sides: assumed range of a joint without limits."""
@@ -45,11 +45,12 @@ def default_bound(
     """Return the parameters of an `UncertaintyBound`, eqs. (19), (45)-(47), from 256 postures over the joints' ranges.
 
     With the true M and `b = C q̇ + G`, and the nominal M0 and b0, the lumped uncertainty is
-    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let `B = max‖b - b0‖` at rest, with friction at 1 rad/s, but at least 20 % of the
-    weight. `b1 = 0`, since weight does not grow with ‖q‖, and k is 20 % of the norm of the torque limits.
+    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let B be the maximum of `‖b - b0‖` at rest plus the difference of friction at
+    1 rad/s, but at least 20 % of the weight `max‖G0‖`. `b1 = 0`, since weight does not grow with ‖q‖. k is 20 % of the
+    norm of the torque limits.
 
     - Printed form: γ bounds `|κ - 1|` of the eigenvalues κ of `M⁻¹M0`, between 0.2 and 0.5; `m1, m2 = (1 ∓ γ) m` with
-      `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`, and b2 is the same share of `C q̇` over ‖q̇‖².
+      `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`; `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
     - Sampled-data form: the estimator compensates the inertia mismatch, so `γ = 0` and `b2 = 0`. `b0 = B`, but `k + b0`
       is at most a quarter of the norm of the torque limits.
 
@@ -92,8 +93,8 @@ def warn_of_implausible_bound(
 ) -> None:
     """Warn, with a DefinitionWarning, if u at rest at the start is implausible for this arm.
 
-    u is implausible above the norm of the torque limits, or below a tenth of it and below a third of the default
-    `k + b0`. Other kinds of bounds, traced values and arms without torque limits are not checked.
+    u is implausible if it exceeds the norm of the torque limits, or if it is below a tenth of this norm and below a
+    third of the default `k + b0`. Other kinds of bounds, traced values and arms without torque limits are not checked.
 
     - `bound`: parameters of the bound, with its `kind`.
     - `state`: the start.

@@ -1,4 +1,4 @@
-"""Descriptions of parts in a file, derived from the declarations of their parameters."""
+"""Pydantic models of the parts in a scenario file, derived from the declared parameters of these parts."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class AbstractDescription(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     sized: ClassVar[frozenset[str]] = frozenset()
-    """Fields with lists of a length of their own."""
+    """Fields whose lists do not have an entry per joint."""
 
     @model_validator(mode="before")
     @classmethod
@@ -80,13 +80,13 @@ class AbstractDescription(BaseModel):
 def described_field(parameter: Parameter, *, checked: bool = False, **changes: Any) -> Any:
     """Return the field of a description for a declared parameter.
 
-    - `checked`: True if the file checks the range, since no part does.
-    - `changes`: `default` or `source` that replace the declaration's, or `required`.
+    - `checked`: True to check the range when the file is read; False if the part checks it.
+    - `changes`: `default` and `source` replace the declared ones; `required=True` removes the default.
     """
     default = REQUIRED if changes.get("required") else changes.get("default", parameter.default)
     limits, bounds = parameter.limits, parameter.range.schema()
     unit = f" [{parameter.unit}]" if parameter.unit else ""
-    # Editors use the numeric ends of a range; the part itself checks it, with the reason in the message.
+    # Editors use the ends of the range; the part itself checks the range and explains it in its message.
     extra = {"unit": parameter.unit, "range": limits, "source": changes.get("source", parameter.source), **bounds}
     options: dict[str, Any] = {} if default is REQUIRED else {"default": _plain(default)}
     if checked:
@@ -128,9 +128,9 @@ class PartDescription(AbstractDescription):
     def build(self, **more: Any) -> Any:
         """Build the part.
 
-        - `more`: arguments that the file does not have.
+        - `more`: further arguments of the part, which are not in the file.
 
-        Raises DefinitionError, with the path of the field, if it is invalid.
+        Raises DefinitionError, with the path of the field, if a value is invalid.
         """
         values = {
             name: build_parts(name, value) for name, value in self if name not in ("kind", "name") and value is not None
@@ -139,9 +139,9 @@ class PartDescription(AbstractDescription):
 
 
 def build_parts(where: str, value: Any) -> Any:
-    """Build the parts in a value of a description; other values stay as they are.
+    """Return a field's value with the built part in place of each description of a part.
 
-    - `where`: field name for messages.
+    - `where`: name of the field, for messages.
     """
     if isinstance(value, PartDescription):
         with locate_errors(where):
@@ -165,7 +165,7 @@ def preset_of(
 
     - `owner`: name of the preset.
     - `values`, `source`: the preset's values, and their source.
-    - `computed`: parameters that the scenario computes if the file lacks them, each with its source.
+    - `computed`: parameters that are computed if the file lacks them, each with the source of its value.
     """
     kind = kind_of(part)
     fields = {"kind": (Literal[kind], Field(default=kind, description="Kind of the part."))}
@@ -183,10 +183,11 @@ def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") ->
 
 
 def union_of(family: type, *instead: type[AbstractDescription], default: type[PartDescription] | None = None) -> Any:
-    """Return the union of the descriptions of all parts of an abstract class that its package exports.
+    """Return the union of the descriptions of all parts of a family.
 
-    - `instead`: hand-written descriptions, each in place of the part of the same kind.
-    - `default`: the description with a default kind, in place of the derived one.
+    - `family`: abstract class of the parts; its package exports them.
+    - `instead`: hand-written descriptions, each in place of the derived one of the same kind.
+    - `default`: a description whose kind has a default, in place of the derived one of the same kind.
     """
     models: dict[str, type[AbstractDescription]] = {
         kind: description_of(part) for kind, part in members_of(family).items() if is_nameable(part, family)
@@ -198,7 +199,7 @@ def union_of(family: type, *instead: type[AbstractDescription], default: type[Pa
 
 
 def _own_part(family: type) -> Any:
-    """Validator of a part of a `family`, whose kind may be the `module:Class` of a user's own class."""
+    """Return a validator for parts of a `family`; the kind `module:Class` refers to a class outside slidax."""
 
     def validated(value: Any, others: Callable[[Any], Any], info: Any) -> Any:
         kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
@@ -207,7 +208,7 @@ def _own_part(family: type) -> Any:
         try:
             part = own_class(kind, family, (info.context or {}).get("folder", ""))
             if not is_nameable(part, family):
-                raise DefinitionError(f"a parameter of `{kind}` has no form in a file: give it a default")
+                raise DefinitionError(f"a file cannot describe a required parameter of `{kind}`: give it a default")
         except DefinitionError as error:
             raise PydanticCustomError("own_part", "{message}", {"message": error.message}) from None
         return _description_as(kind, part).model_validate(value, context=info.context)
@@ -217,7 +218,7 @@ def _own_part(family: type) -> Any:
 
 @functools.cache
 def _description_as(kind: str, part: type) -> type[PartDescription]:
-    """Description of a part under a name in files."""
+    """Return the description of a part, which files select by this kind."""
     return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Kind of the part."))})
 
 
@@ -270,7 +271,7 @@ def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
     """Return the type of a parameter's field in a description; None if a file cannot describe it.
 
     - `hint`: type of the parameter in the part.
-    - `family`: the part, or its family, which the parameter must not contain.
+    - `family`: the part or its abstract class; a parameter of the same family cannot be described.
     """
     shape = parameter.shape
     if shape == "one number":

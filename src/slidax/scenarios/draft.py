@@ -58,11 +58,13 @@ SUBSTEPS = 10
 class Choices:
     """Choices for a new scenario.
 
-    - `block`: the description of the robot.
-    - `rate`: Hz.
+    - `arm`: the arm as its description has it.
+    - `block`: the scenario's block `robot`.
+    - `rate`: loop rate, Hz.
+    - `ratings`, `home`, `motion`: ratings of the joints, home posture, and motion about it.
     - `payload`: mass at the tip that the law does not know, kg.
-    - `horizon`: horizon of the law, s.
-    - `notes`: assumptions.
+    - `horizon`: planning horizon of the law, s.
+    - `notes`: assumptions, each a sentence.
     """
 
     arm: Articulated
@@ -81,7 +83,7 @@ ROTORS = 0.002
 
 
 def draft_text(chosen: Choices) -> str:
-    """Return the text of the file."""
+    """Return the text of the scenario file."""
     units, period = chosen.arm.joint_units, 1.0 / chosen.rate
     ratings, motion = chosen.ratings, chosen.motion
     wide = [WIDTH[unit] for unit in units]
@@ -122,7 +124,7 @@ def draft_text(chosen: Choices) -> str:
 
 def _task(chosen: Choices) -> dict[str, Any]:
     """Blocks for the motion, the sensors and the drives."""
-    motion, torque = chosen.motion, chosen.ratings.torque
+    motion, torque, rate = chosen.motion, chosen.ratings.torque, chosen.ratings.torque_rate
     return {
         "trajectory": {
             "kind": "sinusoid",
@@ -131,7 +133,7 @@ def _task(chosen: Choices) -> dict[str, Any]:
             "frequency": _row(motion.frequency),
         },
         "sensor": {"resolution": RESOLUTION, "velocity": "differenced", "delay": 1},
-        "actuator": {"torque": _row(torque), "rate": _row(RATE * torque)},
+        "actuator": {"torque": _row(torque), "rate": _row(np.minimum(RATE * torque, rate))},
     }
 
 
@@ -173,29 +175,29 @@ def requirements_text(chosen: Choices) -> str:
             f"friction of {percent(FRICTION)} of the torque limits. The law does not know them."
             f"{_payload_frame(chosen)}",
         ),
-        ("uncertainty", "Assumed ranges: replace them by yours. The design is tested in random cases of them all."),
+        ("uncertainty", "Assumed ranges: replace them by yours. The design is tested in random cases within them."),
         (
             "requirements",
             "The error is within its final radius from the deadline [s] on. `best` is the smallest radius that holds; "
-            "a number [rad or m] is a requirement. `proof: bound` asks for a certified bound.",
+            "a number [rad or m] is a requirement. `proof: bound` requires a certified bound.",
         ),
     ]
     return dump_commented(values, shared + own)
 
 
 def _payload_frame(chosen: Choices) -> str:
-    """Sentence about the frame of the payload."""
+    """Return a sentence about the payload's frame; empty without a payload."""
     if not chosen.payload:
         return ""
     frame = f"the tip `{chosen.block['tip']}`" if "tip" in chosen.block else "the flange"
     return (
-        f" Its payload of {chosen.payload:g} kg has its center of mass at the origin of {frame}; load: {{center: [x, "
+        f" The payload of {chosen.payload:g} kg has its center of mass at the origin of {frame}; load: {{center: [x, "
         "y, z]} moves it [m]."
     )
 
 
 def _rotors(chosen: Choices) -> Numbers:
-    """Rotor inertias of the simulated arm: those of the robot's file, or else from the torque."""
+    """Return the rotor inertias of the simulated arm: from the robot's file, otherwise from the rated torques."""
     rotors = np.asarray(chosen.arm.armature)
     return np.where(rotors > 0.0, rotors, ROTORS * chosen.ratings.torque)
 
@@ -213,24 +215,26 @@ def _comments(chosen: Choices) -> Iterator[tuple[str, str]]:
     )
     yield (
         "trajectory",
-        f"Joints {', '.join(chosen.arm.joint_names)}: around a posture inside their ranges, away from singularities, "
-        f"with up to {int(100 * max(chosen.motion.burden))} % of the torque limits below for a payload of "
-        f"{int(100 * tip_share(chosen.arm, chosen.payload))} % of the arm's mass.",
+        f"Joints {', '.join(chosen.arm.joint_names)} move around a posture inside their ranges and away from "
+        f"singularities. They use up to {int(100 * max(chosen.motion.burden))} % of the torque limits below with a "
+        f"payload of {int(100 * tip_share(chosen.arm, chosen.payload))} % of the arm's mass.",
     )
     yield "sensor", "Rounded positions without velocities, delayed by one period."
     yield (
         "actuator",
-        f"Torque and rate limits. The robot's file has no rate limits: assumed is full torque in {1e3 / RATE:g} ms.",
+        f"Torque and rate limits. Rate limits that the arm's description lacks are assumed: full torque in "
+        f"{1e3 / RATE:g} ms.",
     )
-    yield "start", "At rest, away from the motion."
+    yield "start", "The arm starts at rest, away from the trajectory."
     yield (
         "scheme.performance",
-        "The error is within `final` from the deadline on; a shorter period allows a smaller one (docs/loop-rate.md).",
+        "The error is within `final` from the deadline on. `final` can be smaller with a shorter period "
+        "(docs/loop-rate.md).",
     )
     yield "scheme.sampled_data", "`bound` is computed from the arm, its torque limits and the mismatch above."
     yield (
         "scheme.sampled_data.horizon",
-        "Long: with a payload, light wrists have several times the inertia of the law's model (docs/loop-rate.md).",
+        "The horizon is long: with a payload, light wrists have several times the model's inertia (docs/loop-rate.md).",
     )
     yield (
         "scheme.sampled_data.estimator",
@@ -282,7 +286,7 @@ def draft(
     requirements: bool = False,
     folder: str | Path = Path(),
 ) -> Draft:
-    """Return a scenario for an arm that runs as it is, with comments for editing.
+    """Return a commented scenario for an arm, which can be simulated without changes.
 
     - `robot`: name of a built-in arm, path of a URDF or MJCF file, or a module of robot_descriptions.
     - `rate`: loop rate, Hz.
@@ -321,10 +325,10 @@ def draft(
 
 
 FACTORS = (1.0, 0.75, 1.5, 0.5)
-"""Horizons that are tried with a payload, relative to the usual one."""
+"""Horizons that are tried with a payload, as multiples of the default."""
 
 ENOUGH = 0.1
-"""Margin of a run, of the envelope's width, at which no further horizon is tried."""
+"""Margin of a run, as a share of the envelope's width, from which on no further horizon is tried."""
 
 
 def _with_tried_horizon(chosen: Choices, folder: Path) -> Choices:
@@ -344,9 +348,9 @@ def _with_tried_horizon(chosen: Choices, folder: Path) -> Choices:
         return chosen
     tried = ", ".join(f"{1e3 * horizon:g}" for horizon in margins)
     result = (
-        f"its run has a margin of {percent(margins[best])} of the envelope's width"
+        f"the simulated run has a margin of {percent(margins[best])} of the envelope's width"
         if margins[best] > 0.0
-        else "its run leaves the envelope all the same: name a lighter payload, or widen the envelope"
+        else "the simulated run still leaves the envelope: choose a lighter payload, or widen the envelope"
     )
     note = f"the horizon is {1e3 * best:g} ms, the best of {tried} ms with this payload; {result}"
     return replace(chosen, horizon=best, notes=(*chosen.notes, note))
@@ -362,12 +366,12 @@ def new(
     gravity: Sequence[float] | None = None,
     payload: float = 0.0,
 ) -> Scenario:
-    """Return a scenario for an arm that runs, as `slidax new` writes it.
+    """Build the scenario that `slidax new` writes for an arm; it can be simulated without changes.
 
         scenario = slidax.new("arm.urdf", rate=500)
 
-    - `robot`, `rate`, `tip`, `locked`, `inertias`, `gravity`, `payload`: as in `draft`. A warning lists assumptions in
-      place of missing data.
+    - `robot`, `rate`, `tip`, `locked`, `inertias`, `gravity`, `payload`: as in `draft`. A warning lists the assumptions
+      that replace missing data.
 
     Raises DefinitionError as `draft` does.
     """
@@ -380,18 +384,18 @@ def new(
 def _arm(
     robot: str, tip: str | None, locked: dict[str, float], inertias: str | None, folder: Path
 ) -> tuple[Articulated, dict[str, Any], tuple[str, ...]]:
-    """The arm, the scenario's `robot`, and notes about it."""
+    """Return the arm, its block `robot` for a scenario, and notes about assumptions."""
     if robot in built_in_names():
         if tip is not None or locked or inertias is not None:
             raise DefinitionError(
-                f"`{robot}` has its tip, joints and inertias; `tip`, `locked` and `inertias` are for robot files"
+                f"`{robot}` is built in; `tip`, `locked` and `inertias` are only for robot files: leave them out"
             )
         return built_in_arm(robot).robot, {"kind": robot}, ()
     notes: list[str] = []
     path = Path(robot)
     if is_description(robot):
         path = description_file(robot)
-        notes.append(f"the robot's file is that of `{robot}` in the cache of robot_descriptions; copy it to keep it")
+        notes.append(f"`{robot}` is read from the cache of robot_descriptions; copy its file to keep it")
     kind = FILES.get(path.suffix.lower())
     if kind is None:
         known = ", ".join(FILES)

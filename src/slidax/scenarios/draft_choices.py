@@ -35,7 +35,7 @@ SMALLEST = 0.15
 """Smallest drive torque relative to the arm's largest, as in real wrists."""
 
 EQUAL, FAR = 5.0, 30.0
-"""Ratio of limit to requirement above which a limit is a placeholder, for equal limits and for any limits."""
+"""Ratios of limit to required torque, above which a limit is a placeholder: if all limits are equal, and otherwise."""
 
 SPEED = {"rad": 2.0, "m": 0.5}
 """rad/s or m/s: assumed velocity limit if the file has none."""
@@ -49,11 +49,13 @@ class Ratings:
     """Ratings of the joints.
 
     - `torque`, `velocity`: [n], N m or N, rad/s or m/s.
+    - `torque_rate`: fastest changes of torque in the robot's file [n], N m/s or N/s; inf where it has none.
     - `lower`, `upper`: ends of the ranges [n], rad or m.
     - `notes`: assumptions with their reasons, each a sentence.
     """
 
     torque: Numbers
+    torque_rate: Numbers
     velocity: Numbers
     lower: Numbers
     upper: Numbers
@@ -94,7 +96,7 @@ def ratings_of(arm: Articulated) -> Ratings:
             f"at most 40 % of it"
         )
     torque, torque_notes = _torques(arm, lower, upper)
-    return Ratings(torque, velocity, lower, upper, (*notes, *torque_notes))
+    return Ratings(torque, np.array(limits.torque_rate), velocity, lower, upper, (*notes, *torque_notes))
 
 
 def _ends(lower: Numbers, upper: Numbers, reach: Numbers) -> tuple[Numbers, Numbers]:
@@ -128,7 +130,7 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
 
 
 def _too_weak(arm: Articulated, limits: Numbers, weight: Numbers, weak: NDArray[np.bool_], one_for_all: bool) -> str:
-    """Reason why the limits of `weak` joints are not believed, or one limit for all joints of which some are weak."""
+    """Return why the limits of `weak` joints, or the common limit of all joints, are replaced; empty if none is."""
     if not weak.any():
         return ""
     limit = f"{limits[0]:g} N m for every joint" if one_for_all else f"a limit of {_list(limits[weak])} N m"
@@ -175,14 +177,14 @@ COUNT = 2000
 """Number of candidate postures, in addition to the middle and 0."""
 
 TIP_SHARE = 0.2
-"""Share of the moving mass at the tip."""
+"""Default mass at the tip, as a share of the moving mass."""
 
 HELD = 0.5
-"""Share of the torque limit for holding a posture above which the posture has a high cost."""
+"""If holding a posture takes more than this share of a torque limit, the posture has a high cost."""
 
 
 def tip_share(arm: Articulated, payload: float) -> float:
-    """Mass at the tip for which motions are chosen, as a share of the moving mass: the `payload` [kg], at least 0.2."""
+    """Return the mass at the tip for which motions are chosen, as a share of the moving mass: the payload's, or 0.2."""
     return max(TIP_SHARE, payload / float(np.sum(np.asarray(arm.masses))))
 
 
@@ -264,7 +266,7 @@ START = 0.2
 
 @dataclass(frozen=True)
 class Motion:
-    """Sinusoids about the home.
+    """Sinusoidal motion about the home posture.
 
     - `amplitude`, `frequency`: [n], rad or m, rad/s.
     - `start`: positions at t = 0 [n].
@@ -278,7 +280,7 @@ class Motion:
 
 
 def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float = TIP_SHARE) -> Motion:
-    """Return the motion about a home posture [n], slower and smaller until it is within the ratings.
+    """Return a motion about a home posture [n], reduced in speed and amplitude until it is within the ratings.
 
     - `share`: payload as a share of the moving mass.
 
@@ -298,9 +300,9 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
     if share > TIP_SHARE and held.max() > HOLDABLE:
         joint = int(np.argmax(held))
         raise DefinitionError(
-            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg takes {percent(held[joint])} of "
-            f"the torque limit of joint `{arm.joint_names[joint]}` to hold; at most {percent(HOLDABLE)} is allowed: "
-            "name a lighter payload, or an arm with larger torque limits"
+            f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg, at rest, takes "
+            f"{percent(held[joint])} of the torque limit of joint `{arm.joint_names[joint]}`; at most "
+            f"{percent(HOLDABLE)} is allowed: choose a lighter payload, or an arm with larger torque limits"
         )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)
     pace = 1.0

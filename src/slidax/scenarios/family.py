@@ -26,10 +26,10 @@ from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 @dataclass(frozen=True)
 class Space:
-    """Sets of values by path, each the image of some coordinates of the unit cube, in the order of the paths.
+    """Sets of values by path. Each set maps some coordinates of the unit cube to a value, in the order of the paths.
 
-    - `leaves`: the uncertain values of the scenario, by path.
-    - `sets`: their sets, by path.
+    - `leaves`: the values in the scenario, by path.
+    - `sets`: the sets, by path.
     """
 
     leaves: Mapping[str, Leaf]
@@ -51,7 +51,7 @@ class Space:
         return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
-        """Return the values at points of the unit cube, by path; the first axis is the point.
+        """Return the values at points of the unit cube: an array for each path, whose first axis is the point.
 
         - `cube`: points [rows, dimensions], in [0, 1).
 
@@ -68,7 +68,7 @@ class Space:
         return values
 
     def ends(self) -> list[dict[str, Any]]:
-        """Return values at ends of the sets, for checks: all lowest, all highest, and alternating."""
+        """Return cases at the ends of the sets, for checks: all low, all high, and alternating; each by path."""
         low, high = 0.0, np.nextafter(1.0, 0.0)
         even = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
         points = np.array([np.full(len(even), low), np.full(len(even), high), *np.where([even, ~even], low, high)])
@@ -89,9 +89,9 @@ UNTRACEABLE = (TypeError, ValueError, AttributeError, DefinitionError)
 class Family:
     """All scenarios that a file and sets of values allow.
 
-    - `base`: the file's own scenario.
-    - `uncertain`: values that the law does not know.
-    - `varied`: values that the law knows, as with `--set`.
+    - `base`: the scenario of the file.
+    - `uncertain`: sets of true values that the law does not know.
+    - `varied`: sets of values that the law knows, as with `--set`.
     """
 
     base: ScenarioDescription
@@ -177,7 +177,7 @@ class Family:
     def _with_path(
         self, where: str, space: Space, values: Mapping[str, Any], error: DefinitionError
     ) -> DefinitionError:
-        """The error with the path of a set that alone causes it, if there is one."""
+        """The error, with the path of a set that causes it on its own, or else with the path of all sets."""
         for path, value in values.items():
             try:
                 self._require_buildable({path: value}, space)
@@ -240,7 +240,7 @@ class Family:
         return traceable
 
     def templates(self, values: Mapping[str, Any]) -> Templates:
-        """Return a case in which every path exists, from a value for each path."""
+        """Return a case from a value for each path, so that every path exists."""
         case = self.case(values)
         built = case.build("template")
         return Templates(case, case.as_it_is(), built)
@@ -252,7 +252,7 @@ class Templates:
 
     - `believed`: the description that the law knows.
     - `actual`: the true description.
-    - `built`: the scenario of both.
+    - `built`: the scenario that is built from both.
     """
 
     believed: ScenarioDescription
@@ -270,7 +270,7 @@ class Templates:
 
 
 def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: bool) -> Space:
-    """The space of the sets, with the full paths of their numbers."""
+    """Return the space of the sets, by full paths; `law` is True if the law knows the values."""
     data = base.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     own = base if law else base.as_it_is()
     placed: dict[str, AbstractSet] = {}
@@ -279,14 +279,14 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
         with locate_errors(path):
             full = "start.q" if path == "start" and isinstance(values, InsideEnvelope) else path_in(data, path, joints)
         if isinstance(values, InsideEnvelope) and full != "start.q":
-            raise DefinitionError("`inside` is for `start`", where=path)
+            raise DefinitionError("`inside` is only for the path `start`", where=path)
         if not law and full.split(".")[0] in OF_THE_LAW:
             raise DefinitionError(
-                f"belongs to the law or simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}",
+                f"is a setting of the law or simulation, so its value is never unknown: {KNOWN_TO_LAW_REMEDY}",
                 where=path,
             )
         if full in placed:
-            raise DefinitionError("occurs twice; leave one out", where=path)
+            raise DefinitionError("is the same value as that of another path; leave one of them out", where=path)
         placed[full] = values
     leaves: dict[str, Leaf] = {}
     for path, values in placed.items():
@@ -296,7 +296,7 @@ def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: b
 
 
 def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int) -> Leaf:
-    """The value at a path; its shape comes from the set if the file does not have it."""
+    """Return the value at a path; the set gives its shape if the file has no value."""
     example = values.example
     try:
         leaf = leaf_of(own, path, joints)
@@ -318,7 +318,7 @@ def _leaf(own: ScenarioDescription, path: str, values: AbstractSet, joints: int)
 
 
 def _written(own: ScenarioDescription, path: str, example: Any, joints: int) -> Leaf | None:
-    """The value at a path with the example set there; None if this is invalid."""
+    """Return the value at a path after the example is written there; None if the scenario is then invalid."""
     data = own.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     try:
         there = leaf_of(validate_text(data, {path: example}, form=type(own)), path, joints)
@@ -334,7 +334,7 @@ def _arm(base: ScenarioDescription) -> AbstractRobot:
 
 
 def _start_of(own: ScenarioDescription) -> tuple[Array, Array]:
-    """Lowest and highest positions at t = 0 inside the tolerance band, or without one inside the envelope."""
+    """Return lowest and highest positions at t = 0 inside the tolerance band, or inside the envelope without a band."""
     scenario = own.build("start")
     t = jax.numpy.zeros(())
     reference = scenario.trajectory.reference(t)

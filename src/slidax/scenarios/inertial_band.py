@@ -16,11 +16,12 @@ from .uncertain_values import Array
 
 
 def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
-    """Return changes of the inertial parameters within a share p of each body and rotor, [rows 11 n].
+    """Return changes of the inertial parameters in a band of relative half width p, [rows 11 n].
 
-    A body's pseudo-inertia changes by `√J0 p S √J0ᵀ` with a symmetric S of norm 1 at most.
+    A body's pseudo-inertia J0 changes by `√J0 p S √J0ᵀ`, with a symmetric S of norm 1 at most. A rotor inertia changes
+    by a share of p.
 
-    - `shares`: shares in [-1, 1], ten for each body and then one for each rotor [rows 11n].
+    - `shares`: numbers in [-1, 1], ten for each body and then one for each rotor [rows 11n].
     """
     phi, n = arm_parameters(arm), arm.joints
     changes = np.empty_like(shares)

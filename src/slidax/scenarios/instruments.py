@@ -49,7 +49,7 @@ class LossDescription(AbstractDescription):
     outages: tuple[OutageDescription, ...] = ()
     """Outages, in which all samples are lost."""
     trace: Literal["uneven", "stalls", "skips", "overruns"] | None = None
-    """Samples that a controller manager loses whose periods a user has printed, as in `slidax.plant.TRACES`."""
+    """Pattern of lost samples, named as in `slidax.plant.TRACES`: from periods that users of ros2_control reported."""
 
 
 class SensorDescription(AbstractDescription):
@@ -62,7 +62,7 @@ class SensorDescription(AbstractDescription):
     velocity_noise: Numbers = same_field(Encoders, "velocity_noise")
     cutoff: Numbers = same_field(DifferencedEncoders, "cutoff", default=600.0)
     instrument: InstrumentDescription | None = None
-    """Another sensor by its kind, instead of the encoders of the fields above."""
+    """Another sensor, selected by its kind; it replaces the encoders that the fields above describe."""
     delay: float = input_field("delay of a measurement, may be fractional", "periods", "[0, 100]", default=0.0)
     jitter: float = input_field("width of the delay's random variation", "periods", "[0, 100]", default=0.0)
     loss: LossDescription = LossDescription()
@@ -134,14 +134,14 @@ class ActuatorDescription(AbstractDescription):
         "torque rate limit; `robot`: from the arm's data sheet", "N m/s or N/s", default=None, source="no limit"
     )
     map: list[list[float]] | None = input_field(
-        "torques of the joints by commands, τ = G c, as the law knows them; a row for each joint, as `slidax identify "
-        "--actuator-map` writes them",
+        "G of τ = G c, from commands c to joint torques τ, as the law knows it: a row for each joint; `slidax identify "
+        "--actuator-map` writes it",
         "",
         default=None,
-        source="equal",
+        source="torques equal commands",
     )
     true_map: list[list[float]] | None = input_field(
-        "the map of the true drives, if the law does not know it exactly", "", default=None, source="`map`"
+        "G of the true drives, if it differs from `map`", "", default=None, source="`map`"
     )
     time_constant: Numbers = same_field(Actuator, "time_constant")
     dead_time: float = input_field(
@@ -173,16 +173,16 @@ class ActuatorDescription(AbstractDescription):
         return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
     def known_map(self, joints: int) -> ActuatorMap | None:
-        """Return the map that the law knows; None if commands are the joints' torques.
+        """Return the actuator map that the law knows; None if commands are the joints' torques.
 
-        Raises DefinitionError if it is no map for so many joints.
+        Raises DefinitionError if the map has another number of joints, or is invalid.
         """
         return self._map("map", joints)
 
     def known_to(self, law: AbstractController) -> AbstractController:
-        """Return a law that knows the map.
+        """Return the law with the actuator map that it knows.
 
-        Raises DefinitionError if it is no law in sampled-data form.
+        Raises DefinitionError if there is a map and the law is not in sampled-data form.
         """
         known = self.known_map(law.joints)
         if known is None:
@@ -205,7 +205,7 @@ class ActuatorDescription(AbstractDescription):
             return ActuatorMap.of(rows)
 
     def joint_limits(self, joints: int) -> TorqueLimits:
-        """Return limits of the joints' torques, within which every command keeps its own limit."""
+        """Return limits of the joints' torques for which every command stays within its own limits."""
         known = self.known_map(joints)
         return self.limits() if known is None else known.within(self.limits())
 
@@ -259,7 +259,7 @@ else:
 
 
 class TransmissionDescription(AbstractDescription):
-    """Friction and elasticity of the true joints, with states of their own; unknown to the law."""
+    """Friction and elasticity of the true joints, which have additional states; unknown to the law."""
 
     friction: LuGreDescription | None = None
     """LuGre friction, in addition to the arm's own friction."""

@@ -1,4 +1,4 @@
-"""Read scenarios from files, and carry them elsewhere with the files that they name."""
+"""Read scenarios from files, and pack a scenario together with the files to which it refers."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def parse(text: str, changes: dict[str, Any] | None = None, *, folder: str | Pat
     """Return the validated description in a YAML text.
 
     - `changes`: new values by dotted path, set before validation, as in `load`.
-    - `folder`: folder of the files that the text names.
+    - `folder`: folder to which file names in the text are relative.
 
     Raises DefinitionError with the path of the first invalid field.
     """
@@ -89,12 +89,12 @@ def validate_text(
     """Return the validated description in data from a YAML text.
 
     - `changes`, `folder`: as in `parse`.
-    - `form`: class of the description, if it has other schemes.
+    - `form`: class of the description; another one for further schemes.
 
     Raises DefinitionError with the path of the first invalid field.
     """
     if not isinstance(data, dict):
-        raise DefinitionError("a scenario is a mapping with the keys " + ", ".join(ScenarioDescription.model_fields))
+        raise DefinitionError("a scenario must be a mapping with keys " + ", ".join(ScenarioDescription.model_fields))
     require_readable(data)
     data = with_changes(data, changes or {}, folder)
     try:
@@ -122,13 +122,13 @@ def _read(scenario: str | Path) -> tuple[str, str]:
 
 
 PARTS = ("robot", "trajectory")
-"""Blocks that may name a file."""
+"""Blocks that may refer to a file."""
 
 
 def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
-    """Return a validated scenario as YAML, with file names without folders, and the contents of these files.
+    """Return a scenario as YAML, and the contents of the files to which it refers, by their names in this YAML.
 
-    Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
+    These names have no folders. Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
 
     Raises DefinitionError if a file does not exist.
     """

@@ -94,7 +94,7 @@ def named_robot(
 
 
 def _with_options(message: str) -> str:
-    """A message with options of the command in place of `locked={...}` and `inertias: strict`."""
+    """Return a message in which command-line options replace `locked={...}` and `inertias: strict`."""
     message = re.sub(
         r"locked=\{([^}]*)\}",
         lambda match: " ".join(

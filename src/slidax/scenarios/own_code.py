@@ -1,4 +1,4 @@
-"""Classes of a user's own that a scenario file names, imported only where that is allowed."""
+"""Import of a user's classes to which a scenario file refers; only if the user allows it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from slidax.core.errors import DefinitionError, plain_name
 from slidax.core.part import AbstractPart
 
 VARIABLE = "SLIDAX_ALLOW_CODE"
-"""Environment variable that allows it, so that the processes of a study have it too."""
+"""Environment variable that allows such imports; the processes of a study inherit it."""
 
 
 def allow_code() -> None:
-    """Allow scenario files to name classes of your own, such as `kind: my_module:MySurface`.
+    """Allow scenario files to refer to your own classes, such as `kind: my_module:MySurface`.
 
     Importing a module runs its code: allow it only for files that you trust. `slidax --allow-code` does the same for a
     command.
@@ -26,7 +26,7 @@ def allow_code() -> None:
 
 
 def own_class(name: str, family: type, folder: str | Path) -> type[AbstractPart]:
-    """Import the part that a file names as `module:Class`.
+    """Import and return the class of a part, to which a file refers as `module:Class`.
 
     - `family`: abstract class of the part.
     - `folder`: folder of the file, where the module is searched first, then in the current folder.
@@ -45,7 +45,7 @@ def own_class(name: str, family: type, folder: str | Path) -> type[AbstractPart]
     try:
         part = getattr(import_module(module), attribute)
     except Exception as error:
-        # Any, since the module's own code runs.
+        # Any exception is possible, since the module's own code runs.
         own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename.startswith(tuple(places))]
         line = f"line {own[-1].lineno} of {own[-1].filename}: " if own else ""
         kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "

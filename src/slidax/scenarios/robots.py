@@ -83,7 +83,7 @@ class LinksDescription(AbstractDescription):
 
 
 RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
-"""Former names of fields in old files."""
+"""Former names of fields, as in old files, and their current names."""
 
 
 class Arms(NamedTuple):
@@ -113,7 +113,7 @@ class AbstractRobotDescription(AbstractDescription):
         """Build the true robot, the nominal one, and the payload of the true one."""
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the description with the content of its file, so that each value has a path."""
+        """Return the description with the content of its file in place of the file's name, so each value has a path."""
         return self
 
 
@@ -155,7 +155,7 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
 
 
 class NominalArm(AbstractDescription):
-    """Values that the law knows in addition to the arm's description, or instead of it."""
+    """Values of the arm that the law knows; they complete or replace values of the arm's description."""
 
     armature: Numbers | None = same_field(Articulated, "armature", default=None, source="the arm's description")
     viscous: Numbers | None = same_field(Articulated, "viscous", default=None, source="the arm's description")
@@ -163,7 +163,7 @@ class NominalArm(AbstractDescription):
     """Payload that the law knows, at the tip for the whole run, such as a gripper."""
     links: LinksDescription | None = None
     """Inertial parameters of the links instead of those in the arm's description, as from an identification."""
-    zero: Numbers = input_field("offset of the encoders: true positions minus theirs", "rad or m", default=0.0)
+    zero: Numbers = input_field("encoder offset: true position minus encoder position", "rad or m", default=0.0)
     gravity: Annotated[list[float], Field(min_length=3, max_length=3)] | None = same_field(
         Articulated, "gravity_vector", default=None, source="the arm's description"
     )
@@ -171,7 +171,7 @@ class NominalArm(AbstractDescription):
     def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
         """Return the nominal arm for a described arm.
 
-        In an arm with followers, each joint, following or not, has its own values.
+        In an arm with joints that follow others, each joint has its own values, also a following joint.
 
         Raises DefinitionError if a list does not have an entry for each joint.
         """
@@ -217,11 +217,11 @@ class AbstractArticulated(AbstractRobotDescription):
     plant: TrueArm = TrueArm()
     """Differences of the true arm from the nominal one."""
     nominal: NominalArm = NominalArm()
-    """Values that the law knows in addition to the arm's description, or instead of it."""
+    """Values of the arm that the law knows; they complete or replace values of the arm's description."""
 
     @abstractmethod
     def described(self) -> Articulated | Coupled:
-        """Return the described arm."""
+        """Return the arm as the robot's file or data sheet describes it."""
 
     def build(self) -> Arms:
         described = self.described()
@@ -233,7 +233,7 @@ class AbstractArticulated(AbstractRobotDescription):
 
 
 ARGUMENT = re.compile(r"\b(tip|locked|limits|meshes|inertias|mimics)=(\"\w+\"|\{[^{}]*\}|\w+)")
-"""Arguments of the robot file readers that messages name as remedies."""
+"""Arguments of the readers of robot files, as their messages write them in remedies."""
 
 
 def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
@@ -284,7 +284,7 @@ class NumbersDescription(AbstractRobotDescription):
     nominal: PartDescription
 
     def build(self) -> Arms:
-        """Build the true and the nominal robot, which differs from the true one only in its own parameters."""
+        """Build the true robot, and the nominal one: the true one with the parameters in `nominal` replaced."""
         with locate_errors("plant"):
             true = self.plant.build()
         with locate_errors("nominal"):
@@ -365,7 +365,7 @@ class IdentifiedDescription(AbstractRobotDescription):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the file's description, with this description's differences of the true arm.
+        """Return the description in the file; the differences of the true arm in `plant` replace those of the file.
 
         Raises DefinitionError if the file describes no arm of rigid links.
         """

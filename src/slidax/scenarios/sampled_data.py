@@ -28,8 +28,8 @@ from slidax.plant.actuators import TorqueLimits
 from .descriptions import AbstractDescription, Numbers, PartDescription, input_field, plain_of, same_field, union_of
 
 FINEST = 2e-6
-"""rad: finest encoder resolution that a Kalman filter with an adaptation assumes; a faster filter tolerates smaller
-errors of the inertia (docs/learning.md)."""
+"""rad: finest encoder resolution that a Kalman filter with an adaptation assumes. A finer one would make the filter
+faster, and a faster filter tolerates only smaller errors of the inertia (docs/learning.md)."""
 
 ARM_GROWTH = 1.5
 """Largest growth of the estimator's bandwidth with `arm_learning` (docs/arm-learning.md)."""
@@ -37,7 +37,7 @@ ARM_GROWTH = 1.5
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampling of an arm, for its law.
+    """Sensors, drives and sample time of an arm, as the sampled-data form of its law needs them.
 
     - `period`: time between samples [s].
     - `delay`: delay from a measurement to the torque based on it [periods].
@@ -50,7 +50,7 @@ class Sampling:
     - `rated`: rated torques of the joints [n], N m or N; infinite if unknown.
     - `limited`: False if the arm may move beyond its position limits.
     - `jitter`: width of the delay's random variation [periods].
-    - `growth`: largest growth of the estimator's bandwidth, by default.
+    - `growth`: default of the largest growth of the estimator's bandwidth, as a factor.
     """
 
     period: float
@@ -203,7 +203,7 @@ class ArmLearningDescription(AbstractDescription):
 
     kind: Literal["arm_learning"]
     joints: JointLearningDescription = JointLearningDescription()
-    """Learning of each joint, in use while the arm's model is not."""
+    """Learning of each joint on its own, used while the learnt model of the arm is not in use."""
     noise: float = same_field(ArmLearning, "noise")
     mass: float = same_field(ArmLearning, "mass")
     moment: float = same_field(ArmLearning, "moment")
@@ -267,7 +267,7 @@ class SampledDataDescription(AbstractDescription):
     recovery: RecoveryDescription | None = RecoveryDescription()
     """Recovery outside the envelope; null: return to the prescribed envelope."""
     calm: CalmDescription | None = None
-    """Least changes of the torque while the error is well inside its envelope; true for the defaults, null for none."""
+    """Calm steps: least torque changes while the error is well inside its envelope; true: the defaults, null: none."""
     monitor: MonitorDescription | None = None
     """Guarantee monitor, which checks at every sample that the guarantee still holds; null for none."""
     gate: GateDescription = GateDescription()
@@ -289,7 +289,7 @@ class SampledDataDescription(AbstractDescription):
     @field_validator("calm", mode="before")
     @classmethod
     def _is_calm(cls, value: Any) -> Any:
-        """Take true for the defaults, and false for none."""
+        """Replace true by the defaults, and false by null."""
         return {True: {}, False: None}[value] if isinstance(value, bool) else value
 
     def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:

@@ -62,7 +62,7 @@ from .uncertainty import Uncertainty
 from .yaml_text import validation_error
 
 FROM_FILES = ("urdf", "mjcf", "identified")
-"""Kinds of robots whose name is in a file."""
+"""Kinds of robots that are read from a file, which also has the robot's name."""
 
 
 # Compared by identity: arrays have no single truth value, and scenarios are keys of compiled batches.
@@ -71,7 +71,7 @@ class Scenario:
     """The parts of a closed loop, with the duration and the time steps of its simulation.
 
     - `name`, `robot`, `scheme`: names of the scenario, its robot and its scheme.
-    - `description`: the validated file.
+    - `description`: the validated content of the scenario file.
     - `t1`, `stepping`, `log_every`: as in `simulate`.
     - `tolerance`: tolerance band of a run, independent of the scheme's envelope; None for none.
     - `changed`: fields that `replace` changed; they may differ from `description`.
@@ -97,11 +97,11 @@ class Scenario:
         return self.stepping.period
 
     def replace(self, **changes: Any) -> Scenario:
-        """Return the scenario with other parts.
+        """Return a copy of the scenario with some fields replaced.
 
             scenario.replace(state0=State([0.2, 0.8]), t1=2.0, mode="held", period=2e-4)
 
-        - `changes`: fields of the scenario, and of its `Stepping`, by name.
+        - `changes`: new values of fields of the scenario or of its `Stepping`, by name.
 
         Raises DefinitionError if a field does not exist, or the parts do not fit each other.
         """
@@ -120,13 +120,13 @@ class Scenario:
         return scenario
 
     def set(self, changes: dict[str, Any]) -> Scenario:
-        """Return the scenario with other values by dotted path, as `--set` writes them.
+        """Return a copy of the scenario with new values for fields of its file, by dotted path as in `--set`.
 
             scenario.set({"scheme.surface.k1": 0.4, "start.q[elbow]": 0.3})
 
-        - `changes`: values by path, validated as in a file. `scheme.name` comes first and selects another scheme.
+        - `changes`: values by path, validated as in a file. `scheme.name` is set first and selects another scheme.
 
-        Raises DefinitionError if a value is invalid, or `replace` changed a part, which would be lost.
+        Raises DefinitionError if a value is invalid, or `replace` was used before: its changes would be lost.
         """
         if self.changed:
             changed = ", ".join(f"`{name}`" for name in self.changed)
@@ -139,7 +139,7 @@ class Scenario:
 
     @property
     def arm_name(self) -> str:
-        """Name of the arm: the one in its file, or that of its kind."""
+        """Name of the arm: from the robot's file, or the robot's kind if it has no file."""
         return getattr(self.plant.robot, "name", self.robot) if self.robot in FROM_FILES else self.robot
 
     def _facts(self) -> dict[str, str]:
@@ -171,7 +171,7 @@ class Scenario:
     def simulate(self, *, log_every: int | None = 0, throw: bool = False, progress: bool | None = None) -> Run:
         """Simulate the scenario.
 
-        - `log_every`: number of samples per log entry, None for no log, 0 for the scenario's own number.
+        - `log_every`: log interval in samples; None: no log; 0: the scenario's own interval.
         - `throw`: raise OutcomeError on a bad outcome.
         - `progress`: True for a progress bar on the terminal; None shows it for long runs.
 
@@ -198,7 +198,7 @@ class Scenario:
         - `varied`: a pytree of arrays; their first axis is the run.
         - `log_every`, `threads`: as in `simulate_batch`.
 
-        Raises DefinitionError if the parts do not fit each other, or a run has another `t1` or stepping.
+        Raises DefinitionError if the parts do not fit each other, or `define` changes `t1` or the stepping.
         """
         parts = _PartsOfRun(self, define)
         return simulate_batch(parts, varied, t1=self.t1, stepping=self.stepping, log_every=log_every, threads=threads)
@@ -223,7 +223,7 @@ class _PartsOfRun:
 OF_THE_LAW = ("scheme", "simulation", "tolerance", "truth", "uncertainty", "title", "source")
 """Blocks that the law always knows, so that `truth` cannot change them."""
 
-KNOWN_TO_LAW_REMEDY = "write it under the scenario's own key"
+KNOWN_TO_LAW_REMEDY = "set the scenario's own field instead"
 
 INTEGRATORS = {"rk4": runge_kutta_4, "semi_implicit_euler": semi_implicit_euler}
 
@@ -251,24 +251,24 @@ class SimulationDescription(AbstractDescription):
     """Time steps of the simulation, and its checks."""
 
     mode: Literal["continuous", "held"] = "held"
-    """`held`: torque held over a period; `continuous`: the law at every stage of the integrator."""
+    """`held`: a torque per period, held until the next; `continuous`: a torque at every stage of the integrator."""
     integrator: Literal["rk4", "semi_implicit_euler"] = "rk4"
     """Integrator of the plant."""
     period: float = input_field("time between two samples; in continuous mode the integrator's step", "s", "> 0")
     substeps: int = input_field("integrator steps per period in held mode", "", "[1, 10000]", default=1)
-    t1: float = input_field("end, a whole number of periods", "s", "> 0")
-    log_every: int = input_field("number of samples per log entry; metrics use all samples", "", "[1, 1e9]", default=10)
+    t1: float = input_field("end of the run, a whole number of periods", "s", "> 0")
+    log_every: int = input_field("log interval in samples; metrics use all samples", "", "[1, 1e9]", default=10)
     outside: Literal["raise", "recover"] = "raise"
     """At a sample outside the envelope, `raise` ends the run; `recover` counts the sample and continues."""
     limits: Literal["check", "ignore"] = "check"
     """`check` refuses a start or a motion beyond the joint limits; `ignore` runs it."""
     plant: Literal["own", "mujoco"] = "own"
-    """The arm's simulator: slidax's own equations, or MuJoCo, in held mode."""
+    """Simulator of the arm: `own` for slidax's equations, or `mujoco` (only in held mode)."""
     friction: Literal["smooth", "dry"] = "smooth"
-    """Friction in MuJoCo: `smooth` as in the own simulator, or `dry`, with which a joint can stick."""
+    """Friction in MuJoCo: `smooth` as in slidax's own simulator, or `dry`, with which a joint can stick."""
     engine: Literal["auto", "native", "xla", "cuda"] = "auto"
-    """Engine: `native` is slidax's machine code, `xla` JAX's compiler; `auto` selects the faster one on the processor;
-    `cuda` is the native code on an NVIDIA GPU, for batches."""
+    """Engine: `native` for slidax's own machine code, `xla` for JAX's compiler, `auto` for `native` if possible and
+    otherwise `xla`, `cuda` for slidax's own code on an NVIDIA GPU, only for batches."""
 
 
 def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
@@ -278,10 +278,10 @@ def _rated(torque: Array, limits: JointLimits | None, joints: int) -> Array:
 
 
 class OpenLoop(NamedTuple):
-    """A closed loop without its law.
+    """The parts of a closed loop without its law.
 
     - `arms`: true and nominal arm.
-    - `drive`: drives, with numeric limits.
+    - `drive`: description of the drives, with numbers in place of `robot`.
     - `plant`, `trajectory`, `state0`: as in `simulate`.
     """
 
@@ -304,7 +304,7 @@ class ScenarioDescription(AbstractDescription):
     trajectory: TrajectoryDescription
     """Desired motion of the joints."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
-    """Disturbance of the joints from outside."""
+    """External disturbance of the joints."""
     sensor: SensorDescription = SensorDescription()
     """Measurement of the state; by default exact and without delay."""
     surroundings: SurroundingsDescription = SurroundingsDescription()
@@ -323,12 +323,12 @@ class ScenarioDescription(AbstractDescription):
     """Tolerance band of a run, independent of the scheme's envelope; by default none."""
 
     truth: dict[str, Any] = Field(default={})
-    """True values by path that differ from the file and are unknown to the law, as in a case of a study."""
+    """True values by path, where they differ from the file; unknown to the law. A study writes them for each case."""
     uncertainty: Uncertainty = Field(default={})
     """Sets of uncertain values by path. Studies draw from them; a single run uses the file's own values."""
 
     def build(self, name: str) -> Scenario:
-        """Build the scenario with all its parts; its law does not know `truth`.
+        """Build the scenario. The law is built from the file's values and does not know those of `truth`.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """
@@ -362,7 +362,7 @@ class ScenarioDescription(AbstractDescription):
         )
 
     def changed(self, changes: dict[str, Any]) -> Self:
-        """Return the description with other values by dotted path.
+        """Return a copy of the description with new values by dotted path.
 
         Raises DefinitionError if a value is invalid.
         """
@@ -375,7 +375,7 @@ class ScenarioDescription(AbstractDescription):
         return description
 
     def as_it_is(self) -> ScenarioDescription:
-        """Return the description with the values of `truth`.
+        """Return the description of the true loop: the values of `truth` replace those of the file.
 
         Raises DefinitionError if a value is invalid.
         """
@@ -387,7 +387,7 @@ class ScenarioDescription(AbstractDescription):
         with locate_errors("truth"):
             unseen = [path for path in self.truth if path.split(".")[0] in OF_THE_LAW]
             if unseen:
-                message = f"belongs to the law or simulation, which has no unknown true value: {KNOWN_TO_LAW_REMEDY}"
+                message = f"is a setting of the law or simulation, so its value is never unknown: {KNOWN_TO_LAW_REMEDY}"
                 raise DefinitionError(message, where=unseen[0])
             data = with_changes(data, dict(self.truth))
             try:
@@ -434,7 +434,7 @@ class ScenarioDescription(AbstractDescription):
         return OpenLoop(arms, drive, plant, trajectory, state0)
 
     def law(self, moving: OpenLoop) -> AbstractController:
-        """Build the law for a closed loop without its law.
+        """Build the law for the other parts of the loop, as the method `moving` builds them.
 
         Raises DefinitionError, with the path of the field, if it is invalid.
         """
@@ -447,7 +447,7 @@ class ScenarioDescription(AbstractDescription):
             find = partial(default_bound, true, nominal, arms.load, limits, sampled=sampled)
             scheme = self.scheme.with_bound(find).with_limit(limits.torque)
             bound = getattr(self.scheme, "bound", None)
-            # A user's law may have a number of that name.
+            # A user's law may have a numeric parameter called `bound`.
             if isinstance(bound, PartDescription) and all(value is not None for _, value in bound):
                 warn_of_implausible_bound(dict(bound), state0, limits, find)
             controller: AbstractController = scheme.build(nominal=nominal)
@@ -488,7 +488,7 @@ class ScenarioDescription(AbstractDescription):
 
 
 def with_scheme(name: str, scheme: Preset | type[AbstractController]) -> type[ScenarioDescription]:
-    """Return the description of scenarios with an external scheme.
+    """Return the class that describes scenarios with a scheme from outside slidax.
 
     - `name`: name of the scheme, `scheme.name` in the scenario.
     - `scheme`: a preset, or the class of a law with a nominal arm and numeric parameters.

@@ -77,7 +77,7 @@ RENAMED = {
     "inertia_max": "inverse_inertia_max",
     **{"constant": "b0", "position": "b1", "velocity": "b2"},
 }
-"""Former names of a bound's parameters in old files."""
+"""Former names of a bound's parameters, as in old files, and their current names."""
 
 
 COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
@@ -85,11 +85,11 @@ COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
         parameter.name: "the arm, its drives and the stated mismatch" for parameter in parameters_of(UncertaintyBound)
     }
 }
-"""Parameters of parts that a scenario computes if a file lacks them, each with its source."""
+"""By class of a part: parameters that are computed if the file lacks them, each with the source of its value."""
 
 
 def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
-    """Mark parts that the preset has as optional, and allow the envelope's parameters in the scheme itself."""
+    """Mark parts that the preset completes as optional, and add the envelope's parameters to those of the scheme."""
     for name, part in _parts(model.preset).items():
         known = {**part.values, **COMPUTED.get(part.part, {})}
         missing = [p for p in parameters_of(part.part) if p.required and p.name not in known]
@@ -146,7 +146,7 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def with_limit(self, torque: Array) -> SchemeDescription:
-        """Return the scheme with a limit for its integral, if it needs one.
+        """Return the scheme. A PID without a limit for its integral gets the torque limits, if they are finite.
 
         - `torque`: torque limits of the drives, a number or [n], N m or N.
         """
@@ -156,9 +156,11 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"limit": np.asarray(torque).tolist()})
 
     def build(self, **more: Any) -> AbstractController:
-        """Build the printed controller; `more` has the `nominal` robot.
+        """Build the printed controller.
 
-        Raises DefinitionError, with the path of the field, if it is invalid.
+        - `more`: the `nominal` robot.
+
+        Raises DefinitionError, with the path of the field, if a value is invalid.
         """
         skipped = ("name", "sampled_data")
         values = {name: build_parts(name, value) for name, value in self if name not in skipped and value is not None}
@@ -176,13 +178,13 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
 
 
 def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any]:
-    """Return a part in a file with the kind and the parameters of the preset's part as defaults, if the kinds agree."""
+    """Return a part's mapping, with the kind and values of the preset's part as defaults if the kinds agree."""
     kind = kind_of(part.part)
     return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
 
 
 def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme in a file with each parameter under the part that has it, by its current name."""
+    """Return a scheme's mapping with each parameter moved below its part, and with current names for former ones."""
     preset = _preset_of(scheme)
     if preset is None:
         return scheme
@@ -205,7 +207,7 @@ def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme, as from `place_parameters`, whose parts all have a kind, by default the preset's."""
+    """Return a scheme from `place_parameters` in which each part has a kind, by default the preset's."""
     parts = {name: part for name, part in _parts(_preset_of(scheme)).items() if isinstance(scheme.get(name), dict)}
     return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
 
@@ -216,7 +218,7 @@ def current_path(path: list[str]) -> list[str]:
 
 
 def owner_of(preset: Preset, name: str) -> str | None:
-    """Return the part of a scheme that has a parameter; None for a parameter of the scheme itself."""
+    """Return the name of the part that has a parameter; None if the scheme itself, several parts or none have it."""
     own = {parameter.name for parameter in parameters_of(preset.law)}
     if name in own:
         return None
@@ -233,9 +235,9 @@ OF_PLANS = ("horizon", "slopes", "recovery")
 def switch_scheme(scheme: Any, name: Any) -> Any:
     """Return the scheme of a scenario file with another name.
 
-    It keeps the envelope, and the bound's parameters without a value in the new scheme. It keeps `sampled_data`, but
-    drops `horizon`, `slopes` and `recovery` if the new scheme does not plan over a horizon. All other parameters take
-    the values of the new scheme. With the file's own name, nothing changes.
+    The new scheme keeps the envelope, and those parameters of the bound for which it has no value of its own. It keeps
+    `sampled_data`, but without `horizon`, `slopes` and `recovery` if it does not plan over a horizon. All other
+    parameters take the new scheme's values. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
     - `name`: new name; the validation refuses an unknown name.
@@ -271,7 +273,7 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
 
 
 def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
-    """Return the description of a preset under its name in files."""
+    """Return the description of a preset, which files select by this name."""
     fields: dict[str, Any] = {"name": (Literal[name], Field(description="Name of the scheme."))}
     for parameter in parameters_of(preset.law):
         if parameter.name == "nominal":
@@ -302,7 +304,7 @@ def _own_scheme(name: str, law: type[AbstractController]) -> type[SchemeDescript
 
 
 def _validated(value: Any, others: Callable[[Any], Any], info: Any) -> Any:
-    """Validate a scheme, whose name may be the `module:Class` of a law of the user's own."""
+    """Validate a scheme; the name `module:Class` refers to a law outside slidax."""
     name = value.get("name") if isinstance(value, dict) else None
     if not isinstance(name, str) or ":" not in name:
         return value if isinstance(value, SchemeDescription) else others(value)

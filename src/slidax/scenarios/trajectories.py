@@ -162,7 +162,7 @@ class ToolPathTrajectory(TrajectoryPart):
     text: str | None = None
     """Content of such a file, instead of `file`."""
     hold: Literal["place", "axis", "pose"] = "pose"
-    """Requirement on the tool: `place` for the position of its tip, `axis` also for its z axis, `pose` for all."""
+    """Requirement on the tool: `place` for the tip's position, `axis` also for its z axis, `pose` also for all axes."""
     posture: list[float] | None = input_field(
         "preferred posture of a redundant arm", "rad or m", default=None, source="its posture at the start"
     )
@@ -202,7 +202,7 @@ class ToolPathTrajectory(TrajectoryPart):
 
 
 LONGER = 100.0
-"""Ratio of a motion's duration to the run's above which the unit of its times is probably wrong."""
+"""Ratio of a motion's duration to the run's duration, above which the motion's time unit is probably wrong."""
 
 
 class WaypointTrajectory(TrajectoryPart):
@@ -330,7 +330,7 @@ class CsvTrajectory(TableTrajectory):
 
 
 class StreamedTrajectory(TableTrajectory):
-    """Positions that a host streams at its own rate, through a filter from which velocity and acceleration come."""
+    """Positions that a host streams at its own rate; a filter computes the reference and its derivatives."""
 
     kind: Literal["streamed"]
     bandwidth: Numbers = same_field(StreamFilter, "bandwidth")
@@ -340,7 +340,7 @@ class StreamedTrajectory(TableTrajectory):
         StreamFilter, "jerk", default=None, source="half of the drives' torque rate, or a limit that does not act"
     )
     rate: float | None = input_field(
-        "positions per second; the goal moves on a line from one to the next",
+        "positions per second; the goal moves linearly from one to the next",
         "Hz",
         "> 0",
         default=None,
@@ -446,7 +446,7 @@ def motion_of_file(path: str | Path, robot: AbstractRobot, start: Sequence[float
     - `robot`: the nominal arm.
     - `start`: posture in which a tool path starts [n], rad or m.
 
-    Raises DefinitionError, with the file and the line, if the file cannot be read or the motion not followed.
+    Raises DefinitionError, with the file and the line, if the file cannot be read, or the arm cannot follow the motion.
     """
     name = str(path)
     if name.endswith((".json", ".yaml", ".yml")):

@@ -24,12 +24,12 @@ ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.in
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """A number or a list of numbers in a scenario.
+    """A value of a scenario that a study can vary: a number or a list of numbers.
 
     - `path`: its dotted path.
     - `own`: its value in the scenario; None without a value.
     - `joints`: number of joints of the arm.
-    - `per_joint`: True if it may be a single number for all joints, or a list with one for each.
+    - `per_joint`: True if the value may be a number for all joints, or a list with a number for each joint.
     - `one_of_joints`: True for a joint's entry in a list with an entry for each joint.
     - `open_list`: True for a list of any length.
     - `integer`: True for integers.
@@ -53,12 +53,12 @@ class Leaf:
 
     @property
     def each_joint(self) -> bool:
-        """True if it has a number for each joint."""
+        """True if the value has, or may have, a number for each joint."""
         return self.per_joint or (self.open_list and self.shape == (self.joints,))
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of its own value; () without a value."""
+        """Shape of the scenario's value; () without a value."""
         return () if self.own is None else self.own.shape
 
     @property
@@ -72,18 +72,22 @@ class Leaf:
         return int(np.prod(self.shape_of_each, dtype=int))
 
     def own_value(self, key: str) -> Array:
-        """Return its own value, which the `key` of a set needs.
+        """Return the scenario's value.
 
-        Raises DefinitionError if it has none.
+        - `key`: key of the set that needs the value, for the message.
+
+        Raises DefinitionError if the scenario has no value.
         """
         if self.own is None:
             raise DefinitionError(f"has no value in the scenario, which `{key}` needs: write a value")
         return self.own
 
     def fitting(self, value: Any, key: str) -> Array:
-        """Return the value of a set's `key` as an array of its own shape.
+        """Return a number or numbers of a set as an array of the leaf's shape.
 
-        Raises DefinitionError if the value has another shape, or is not finite.
+        - `key`: their key in the set, for the message.
+
+        Raises DefinitionError if `value` has another shape, or is not finite.
         """
         array = np.asarray(value, float)
         allowed = {(), self.shape, self.shape_of_each}
@@ -95,7 +99,7 @@ class Leaf:
         return self.spread_out(array, False)
 
     def spread_out(self, value: Array, each: bool) -> Array:
-        """Broadcast a value to its own shape or, with `each`, to the shape of separate draws."""
+        """Broadcast a value to the leaf's shape or, if `each`, to the shape with a separate draw for each number."""
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 

@@ -22,7 +22,7 @@ Distribution = Literal["uniform", "log_uniform", "triangular", "normal"]
 """`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: truncated at both ends."""
 
 TAIL = 1e-16
-"""Least distance from the cube's faces, where a normal distribution would be infinite."""
+"""Smallest distance of a probability from 0 and 1, at which a normal distribution's quantile would be infinite."""
 
 
 class Cut(NamedTuple):
@@ -83,7 +83,7 @@ class AbstractSet(AbstractDescription):
 
     @property
     def example(self) -> Any:
-        """A value of the set for every leaf; None if there is none."""
+        """A value of the set that does not depend on the leaf; None if all values do."""
         return None
 
     @abstractmethod
@@ -179,7 +179,7 @@ class Discrete(AbstractSet):
     """A finite set of values."""
 
     choice: Annotated[list[float | list[float] | list[list[float]]], Field(min_length=1)] | Literal["any"]
-    """The values; `any` for a seed."""
+    """The values; for a seed, `any` for all integers from 0 to 2³² - 1."""
     weights: list[float] | None = None
     """Probabilities of the values; by default equal."""
 
@@ -239,13 +239,13 @@ class InsideEnvelope(AbstractSet):
     """Start positions inside the envelope at t = 0; the velocities are those of the scenario."""
 
     inside: Literal["envelope"]
-    """The envelope that contains the starts."""
+    """`envelope`: the tolerance band if there is one, otherwise the scheme's envelope."""
     share: float = input_field("share of the envelope's half width to use", "", "(0, 1)", default=0.9)
     each: Literal["joint", "entry"] | None = Field(default="joint", description="A separate draw for each joint.")
 
     def values(self, cube: Array, leaf: Leaf) -> Array:
         if leaf.envelope is None:
-            raise DefinitionError("`inside` is for `start`")
+            raise DefinitionError("`inside` is only for the path `start`")
         lower, upper = leaf.envelope()
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         return middle + self.share * half * (2.0 * self._spread(cube, leaf) - 1.0)
@@ -337,7 +337,7 @@ def _require_order(lower: Array, upper: Array) -> None:
 
 
 FILE = "file"
-"""Key for the name of a file with a mapping `uncertainty`, as from `slidax identify`."""
+"""Key whose value is the name of a file with a mapping `uncertainty`, as `slidax identify` writes it."""
 
 
 def _with_file(data: Any, info: Any) -> Any:

@@ -21,7 +21,7 @@ from slidax.core.files import read_text
 from .descriptions import AbstractDescription
 
 MOST_CHARACTERS = 250_000
-"""Longest text: the parser takes ten seconds for the densest YAML of this length."""
+"""Largest number of characters in a YAML text. The parser takes ten seconds for the densest text of this length."""
 
 MOST_VALUES = 250_000
 """Largest number of values with all aliases expanded; without a limit, a few lines could exhaust the memory."""
@@ -105,7 +105,7 @@ def _too_deep() -> DefinitionError:
 
 
 def as_yaml(description: AbstractDescription) -> str:
-    """Return a scenario or a study with all its values as YAML that can be read again."""
+    """Return the description of a scenario or a study as YAML that can be read again, with its default values."""
     return dump_yaml(_shown(description))
 
 
@@ -153,7 +153,7 @@ def _filled(text: str, width: int) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Return a value of plain types for YAML, without the nulls that are defaults."""
+    """Convert a value to plain types for YAML, and omit nulls that are defaults."""
     if isinstance(value, AbstractDescription):
         defaults = {name: field.default for name, field in type(value).model_fields.items()}
         return {name: _shown(part) for name, part in value if part is not None or defaults[name] is not None}

@@ -1,4 +1,4 @@
-"""Simulation of a plant under a controller, with a `Run` as the result. Only this package advances time.
+"""Simulation of a plant under a controller, with a `Run` as the result. Only this package integrates over time.
 
 Start with `simulate.py` (one run, a batch, a gradient) and its inputs, `plant.py` and `stepping.py`. `run.py` has the
 result. `loop.py` has one sample of the closed loop as pure functions. `engine.py` has the protocol of the engines:

@@ -1,4 +1,4 @@
-"""Define a closed loop from its parts, after checking that they fit each other."""
+"""Definition of a closed loop from its parts, with checks that they fit each other."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .stepping import Stepping
 from .tally import Windows
 
 MOST_SAMPLES = 10**9
-"""Most samples in a run: some hours of computing with a simple law."""
+"""Largest number of samples in a run: some hours of computing with a simple law."""
 
 
 def define_loop(
@@ -131,7 +131,7 @@ def require_fitting(
 
 
 SLOW_ENOUGH = 1.0
-"""Largest angle ω h of a joint's spring in one step. The step is stable up to 2; at 1 the frequency is 5 % too high."""
+"""Largest ω h of an elastic joint, with step h. The step is stable up to 2; at 1 the frequency is 5 % too high."""
 
 
 def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: Stepping) -> None:
@@ -146,8 +146,8 @@ def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: St
     require_joints(transmission, n, "the plant")
     if stepping.mode == "continuous" or stepping.integrator is not semi_implicit_euler:
         raise DefinitionError(
-            "LuGre friction and elastic joints have a step of their own, for `simulation.mode: held` with "
-            "`simulation.integrator: semi_implicit_euler`: set both"
+            "LuGre friction and elastic joints need `simulation.mode: held` and `simulation.integrator: "
+            "semi_implicit_euler`: set both"
         )
     if transmission.elasticity is None or is_traced((transmission, plant.robot, state0)):
         return
@@ -159,13 +159,13 @@ def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: St
     step = stepping.period / stepping.substeps
     if not mode * step <= SLOW_ENOUGH:
         raise DefinitionError(
-            f"an elastic joint swings at {mode / (2.0 * np.pi):.4g} Hz, too fast for steps of {step:g} s: set "
+            f"an elastic joint oscillates at {mode / (2.0 * np.pi):.4g} Hz, too fast for steps of {step:g} s: set "
             f"`simulation.substeps` to at least {math.ceil(stepping.period * mode / SLOW_ENOUGH)}"
         )
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
-    """Return the first sample of each statistic in a run of `steps` periods."""
+    """Return the statistics' time windows and settling bands for a run of `steps` periods."""
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
         late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),
@@ -195,6 +195,7 @@ def _steps(t1: float, period: float) -> int:
 def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
     """Raise a DefinitionError if the initial error is not inside its bounds, or the actuator cannot hold the arm.
 
+    - `envelope`, `reference`: the scheme's envelope, or None, and the reference at t = 0.
     - `held`: torque that holds the arm at `state0` [n], N m or N; None without an actuator.
     """
     names = [joint_label(name) for name in loop.plant.robot.joint_names]
@@ -237,10 +238,10 @@ def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, re
 
 
 MOST_BYTES = 10**9
-"""Largest log; building it takes twice as much memory."""
+"""Size limit of a log [bytes]; building the log takes twice as much memory."""
 
 SMALL = 200_000
-"""Rows of a log that always fits: only longer logs are checked."""
+"""Number of rows of a log up to which its size is not checked."""
 
 
 def require_log_fits(loop: ClosedLoop, state0: State, rows: int) -> None:

@@ -23,7 +23,7 @@ from .run import Log, RunTiming
 EngineName = Literal["auto", "native", "xla", "cuda"]
 """`native`: slidax's own machine code; `xla`: JAX's compiler, the reference; `auto`: `native` where available.
 
-`cuda`: the native code on an NVIDIA card, for batches.
+`cuda`: the native code on an NVIDIA GPU, for batches.
 """
 
 T = TypeVar("T")
@@ -35,8 +35,8 @@ class RunRequest:
 
     - `samples`: number of samples, from t = 0.
     - `log_every`: n to log every n-th sample; None for no log.
-    - `progress`: show a bar; None shows it for long runs if standard error is a terminal.
-    - `started`: start of the compilation, from `time.perf_counter`.
+    - `progress`: True to show a progress bar; None shows it for long runs if standard error is a terminal.
+    - `started`: time at which the compilation starts, from `time.perf_counter` [s].
     """
 
     loop: ClosedLoop
@@ -48,14 +48,14 @@ class RunRequest:
 
     @property
     def rows(self) -> int:
-        """Number of logged samples of a complete run."""
+        """Number of samples in the log of a complete run."""
         return 0 if self.log_every is None else -(-self.samples // self.log_every)
 
 
 class EngineResult(NamedTuple):
     """A finished run.
 
-    - `start`: carry after the last sample; envelope, reference and holding torque at t = 0.
+    - `start`: the carry after the last sample, with envelope, reference and holding torque at t = 0.
     - `log`: logged samples; None without a log.
     - `load`: motion of a released payload; None without one.
     """
@@ -67,7 +67,7 @@ class EngineResult(NamedTuple):
 
 
 class Engine(Protocol):
-    """Run a closed loop from t = 0 until its last sample or its first fault.
+    """Function that runs a closed loop from t = 0 until its last sample or its first fault.
 
     Raises DefinitionError if the initial state is invalid, NoNativeCodeError if the engine has no machine code for a
     part of the loop.
@@ -77,10 +77,10 @@ class Engine(Protocol):
 
 
 def engine_for(name: str) -> Literal["native", "xla"]:
-    """Return the engine that runs one closed loop, and warn if it differs from the requested one.
+    """Return the engine for a single run, and warn if it differs from the requested one.
 
-    `cuda` is for batches, since one run on a card takes as long as many. A single run, such as a repeated row of a
-    batch, then runs on the processor.
+    A single run never uses `cuda`: on a GPU one run takes as long as a whole batch. It runs on the CPU instead. This
+    includes a batch in which nothing varies, which is simulated once.
 
     Raises DefinitionError if the name is unknown.
     """
@@ -98,9 +98,9 @@ def engine_for(name: str) -> Literal["native", "xla"]:
 
 
 def engine_for_batch(name: str) -> Literal["native", "xla", "cuda"]:
-    """Return the engine that runs a batch of closed loops, and warn if it differs from the requested one.
+    """Return the engine for a batch of runs, and warn if it differs from the requested one.
 
-    Raises DefinitionError if the name is unknown, or is `cuda` and CuPy or a card is missing.
+    Raises DefinitionError if the name is unknown, or if it is `cuda` and CuPy or a GPU is missing.
     """
     if name != "cuda":
         return engine_for(name)
@@ -111,12 +111,13 @@ def engine_for_batch(name: str) -> Literal["native", "xla", "cuda"]:
 def native_or_xla(
     requested: str, chosen: str, native: Callable[[], T], xla: Callable[[], T], *, stacklevel: int = 3
 ) -> T:
-    """Run as machine code; if a part of the loop has none, warn and run by XLA.
+    """Return the result of `native`, or of `xla` if a part of the loop has no machine code, with a warning.
 
     - `requested`, `chosen`: names of engines; `chosen` comes from `engine_for` or `engine_for_batch`.
+    - `native`, `xla`: functions that run the loop as machine code and by XLA.
 
-    Raises NoNativeCodeError if the requested engine itself has no code for a part, and DefinitionError with the line
-    whose code depends on the values of arrays.
+    Raises NoNativeCodeError if a part has no machine code and the user asked for this engine by name. Raises
+    DefinitionError, with the line, if the user's code depends on the values of arrays.
     """
     if chosen != "xla":
         try:
@@ -134,7 +135,7 @@ def _warn(engine: str, reason: str, stacklevel: int) -> None:
 
 
 PATIENCE = 2.0
-"""Expected duration [s] beyond which the bar is drawn."""
+"""Expected duration [s] above which the progress bar is drawn."""
 
 
 class Progress:
@@ -172,7 +173,7 @@ class Progress:
 
         columns = (TextColumn("simulating"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
         console = Console(stderr=True)
-        # Without a terminal, rich draws only what remains at the end.
+        # Without a terminal, rich draws only the final state, so the bar must not be transient.
         self._bar = Bar(*columns, console=console, transient=console.is_terminal)
         self._bar.start()
         self._task = self._bar.add_task("", total=self._total, completed=self._done)

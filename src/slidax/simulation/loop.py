@@ -32,12 +32,12 @@ class ClosedLoop(eqx.Module):
 
     - `period`: time between samples [s].
     - `last`: number of the last sample, N.
-    - `windows`: first sample of each statistic.
-    - `integrator`: one step of the plant.
-    - `substeps`: steps of the plant per period, in held mode.
-    - `continuous`: evaluate the law at every stage of the integrator.
-    - `recover`: continue outside the envelope.
-    - `tolerance`: band of the error that judges the run.
+    - `windows`: time windows of the statistics, and settling bands.
+    - `integrator`: function that takes one integration step of the plant.
+    - `substeps`: number of integration steps per period, in held mode.
+    - `continuous`: True to evaluate the law at every stage of the integrator.
+    - `recover`: True to continue a run outside the envelope.
+    - `tolerance`: tolerance band of the error, by which the run is judged; None without one.
     """
 
     plant: Plant
@@ -57,13 +57,14 @@ class Carry(eqx.Module):
     """The changing parts of a closed loop.
 
     - `k`: number of the next sample.
-    - `state`: the true state there.
+    - `state`: the true state at this sample.
     - `good`: the true state at the last sample without a fault.
     - `memory`, `sensor`, `actuator`: memories of the controller, the sensor and the actuator.
+    - `tally`: statistics of all samples before k.
     - `fault`: the first fault.
     - `excursion`: samples outside the envelope; None if the first of them ends the run.
-    - `torque`: the last command [n], held while samples are lost; None without a sensor.
-    - `transmission`: state of LuGre friction and elastic joints; None without.
+    - `torque`: the last command [n], which is applied again while measurements are lost; None without a sensor.
+    - `transmission`: state of LuGre friction and elastic joints; None without a transmission.
     """
 
     k: Int[Array, ""]
@@ -80,7 +81,7 @@ class Carry(eqx.Module):
 
 
 class Memories(eqx.Module):
-    """The memories of all parts after a period, and the held torque, as in `Carry`."""
+    """The memories of controller, sensor and actuator after a sample, and the last command, as in `Carry`."""
 
     memory: Memory
     sensor: Memory
@@ -94,7 +95,7 @@ actuator)."""
 
 
 class Evaluation(eqx.Module):
-    """The law at one time: its reference, its command, its envelope, and a fault."""
+    """Result of the law at one time: reference, command, envelope, and a fault if there is one."""
 
     reference: Reference
     command: Command
@@ -103,13 +104,14 @@ class Evaluation(eqx.Module):
 
 
 def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory: Memory, ahead: Scalar) -> Evaluation:
-    """Evaluate the law on the measured state, and check the true state.
+    """Evaluate the law on the measured state, and check the true state for a fault.
 
+    - `state`, `measured`: the true state, and the state that the controller sees.
     - `ahead`: time of the next sample [s].
     """
     reference = loop.trajectory.reference(t)
     command = loop.controller(t, measured, reference, loop.trajectory.reference(ahead), memory)
-    # With the barrier, plant, tally and log get bitwise equal torques.
+    # The barrier makes plant, tally and log use bitwise equal torques.
     command = eqx.tree_at(lambda c: c.tau, command, barrier(command.tau))
     return checked_evaluation(loop, t, state, memory, reference, command)
 
@@ -117,7 +119,7 @@ def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory:
 def checked_evaluation(
     loop: ClosedLoop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
 ) -> Evaluation:
-    """Complete a command of the law by the envelope and the fault at the true state.
+    """Return the evaluation for a command of the law, with the envelope and the fault at the true state.
 
     - `memory`: the controller's memory before the command.
     """
@@ -139,7 +141,10 @@ class HeldTorque(eqx.Module):
 
 
 def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
-    """Evaluate the law once on the measurement; a memory with a rate advances by Euler's rule."""
+    """Evaluate the law once on the measurement; return the evaluation, the new memories and the torque of the period.
+
+    A controller memory with a rate advances by Euler's rule.
+    """
     plant, period = loop.plant, loop.period
     sensed = _sensed(plant, carry.state, carry.transmission)
     measured, sensor, torque, actuator, fresh = sensed, None, None, None, None
@@ -167,19 +172,25 @@ def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluati
 
 
 def _sensed(plant: Plant, state: State, own: TransmissionState | None) -> State:
-    """State that the sensors measure: of the links, or of the motors if the joints are elastic."""
+    """Return the state that the sensors measure: of the links, or of the motors if the joints are elastic.
+
+    - `own`: state of the transmission; None without one.
+    """
     return state if plant.transmission is None or own is None else plant.transmission.measured(state, own)
 
 
 def delivered_torque(loop: ClosedLoop, held: HeldTorque, t: Scalar, time: Scalar) -> Vector:
-    """Torque on the joints, [n], N m or N, at a time [s] at most a period after the sample at t [s]."""
+    """Return the torque on the joints, [n], N m or N, at a time within the period that begins with the sample at t.
+
+    - `t`, `time`: time of the sample, and time of the torque [s].
+    """
     if loop.plant.actuator is None or held.actuator is None:
         return held.tau
     return loop.plant.actuator.delivered(held.actuator, time - t, loop.period)
 
 
 def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> State:
-    """State of slidax's own plant one period after the sample at t [s]."""
+    """Return the state of slidax's own plant one period after the sample at t [s]."""
     h = loop.period / loop.substeps
 
     def rate(time: Scalar, state: State) -> tuple[State, None]:
@@ -197,7 +208,10 @@ def move_plant(loop: ClosedLoop, state: State, t: Scalar, held: HeldTorque) -> S
 def move_both(
     loop: ClosedLoop, state: State, own: TransmissionState | None, t: Scalar, held: HeldTorque
 ) -> tuple[State, TransmissionState | None]:
-    """States of arm and transmission one period after the sample at t [s]."""
+    """Return the states of arm and transmission one period after the sample at t [s].
+
+    - `own`: state of the transmission; None without one.
+    """
     if own is None:
         return move_plant(loop, state, t, held), None
     h = loop.period / loop.substeps
@@ -210,9 +224,9 @@ def move_both(
 
 
 def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
-    """Force on the joints at the start of a substep: delivered torque and disturbance, [n], N m or N.
+    """Return the force on the joints at the start of a substep: delivered torque plus disturbance, [n], N m or N.
 
-    For another simulator of the robot; the times are exactly those of slidax's own plant.
+    For a simulator other than slidax's own plant, such as MuJoCo; the times are exactly those of the own plant.
 
     - `k`: number of the sample.
     - `i`: number of the substep after it, from 0.
@@ -223,7 +237,10 @@ def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, "
 
 
 class PlantState(eqx.Module):
-    """State of the integrator: the arm's, and the controller's memory if that has a rate, else None."""
+    """State of the integrator in continuous mode: the arm's state, and the controller's memory if it has a rate.
+
+    Otherwise `memory` is None.
+    """
 
     q: Vector
     dq: Vector
@@ -236,7 +253,7 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
     reference = loop.trajectory.reference(t)
     plant, period = loop.plant, loop.period
     sensor, torque = None, None
-    # Until the run begins, the arm is held at rest or in uniform motion, with its payload at t = 0.
+    # Before the run, the torque `held` keeps the arm at rest or in uniform motion, with its payload at t = 0.
     held = plant.at(t).bias(state.q, state.dq)
     transmission = None if plant.transmission is None else plant.transmission.begin(state, held)
     measured = sensed = _sensed(plant, state, transmission)
@@ -271,7 +288,10 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
 
 
 def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
-    """Evaluate the law, count the sample, and move the plant by one period, unless the run is over."""
+    """Evaluate the law, count the sample, and move the plant by one period, unless the run is over.
+
+    Returns the carry of the next sample, and the log of this one.
+    """
     t = carry.k.astype(float) * loop.period
     if loop.continuous:
         moved, memories, stages = _continuous_step(loop, carry, t)
@@ -282,7 +302,10 @@ def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
 
 
 def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
-    """Evaluate the law in held mode and count the sample; another simulator moves the carry's state."""
+    """Evaluate the law in held mode and count the sample; MuJoCo then moves the carry's state.
+
+    Returns the carry with an unchanged state, the sample's log, and the torque of the period.
+    """
     t = carry.k.astype(float) * loop.period
     now, memories, held = evaluate_sample(loop, carry, t)
     after, log = _advance_carry(loop, carry, t, (carry.state, None), memories, (now,))
@@ -297,9 +320,11 @@ def _advance_carry(
     memories: Memories,
     stages: tuple[Evaluation, ...],
 ) -> tuple[Carry, Log]:
-    """Return the carry after a sample, and its log.
+    """Return the carry after a sample, and the sample's log.
 
     - `moved`: states of arm and transmission after the period.
+    - `memories`: memories after the sample.
+    - `stages`: evaluations at the integrator's stages, the one at t first; in held mode only that one.
     """
     now = stages[0]
     e = carry.state.q - now.reference.q
@@ -330,7 +355,7 @@ def _advance_carry(
         tool = tally.tool.add(loop.plant.robot, carry.state.q, now.reference.q, good, steady)
         tally = eqx.tree_at(lambda tally: tally.tool, tally, tool)
     after = Carry(
-        # k also increases in ended runs: all runs of a batch have the same time and share what depends on time only.
+        # k also increases in ended runs: then all runs of a batch have the same time and share values of time alone.
         k=carry.k + 1,
         state=select(onward, moved[0], carry.state),
         good=select(good, carry.state, carry.good),
@@ -361,7 +386,10 @@ def _has_monitor(controller: AbstractController) -> bool:
 
 
 def _continuous_step(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[State, Memories, tuple[Evaluation, ...]]:
-    """Evaluate the law at every stage of the integrator, like a fixed-step solver of block diagrams."""
+    """Take a step with the law evaluated at every stage of the integrator, as fixed-step solvers of block diagrams do.
+
+    Returns the state and the memories after the step, and the evaluations at all stages.
+    """
 
     def at(t: Scalar, state: State, memory: Memory) -> Evaluation:
         return evaluate(loop, t, state, state, memory, ahead)

@@ -29,11 +29,11 @@ from .run import Log, RunTiming
 
 
 class BoundKernel:
-    """A kernel of one run with fixed arrays, which each call reads and writes in place.
+    """A kernel of one run, bound to arrays that each call reads and writes in place.
 
-    A call costs less than 1 µs; passing the arrays at each call costs 20 µs.
+    A call costs less than 1 µs; passing the arrays at each call would cost 20 µs.
 
-    - `inputs`, `outputs`: contiguous arrays in the kernel's order; no output may be an input.
+    - `inputs`, `outputs`: contiguous arrays in the kernel's order; an output must not also be an input.
     """
 
     def __init__(self, kernel: llvm.Kernel, inputs: Sequence[np.ndarray], outputs: Sequence[np.ndarray]) -> None:
@@ -60,7 +60,7 @@ class NativeSteps:
     """The closed loop without the plant, as machine code.
 
     - `state`: state at t = 0.
-    - `world`: its arrays are read and written in place.
+    - `world`: the arm in MuJoCo; its arrays are read and written in place.
     - `rows`: number of logged samples.
 
     Raises NoNativeCodeError if a part of the loop has no machine code.
@@ -74,7 +74,7 @@ class NativeSteps:
         leaves = code.begin([*loop_arrays, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
         start = jax.tree.unflatten(jax.tree.structure(code.start), leaves)
         self._rest = start[1:]
-        # Two carries: each sample reads one and writes the other.
+        # There are two carries, since each sample reads one and writes the other.
         carries = [jax.tree.map(np.array, start[0]) for _ in range(2)]
         moved = [eqx.tree_at(lambda c: (c.state.q, c.state.dq), carry, (world.q, world.dq)) for carry in carries]
         self._log = jax.tree.map(lambda x: np.zeros((rows + 1, *x.shape), x.dtype), code.log)
@@ -102,7 +102,7 @@ class NativeSteps:
 
     @property
     def start(self) -> LoopStart:
-        """The start of the loop, with the current carry."""
+        """The current carry, with envelope, reference and holding torque at t = 0."""
         return (self._carries[self._current], *self._rest)
 
     @property
@@ -116,21 +116,21 @@ class NativeSteps:
         self._decide[self._current]()
         self._current = 1 - self._current
         if keep:
-            # Until the next shift, each sample overwrites the previous one.
+            # Move to the next row of the log. Samples that are not kept overwrite the current row.
             self._logged += 1
             for kernel in self._decide:
                 kernel.shift(self._lines, self._strides)
         return not self._carries[self._current].fault.kind
 
     def set_force(self, i: int) -> None:
-        """Write the force on the joints at the start of substep i after the sample."""
+        """Write the force on the joints at the start of the sample's substep i to `world.force`."""
         self._i[...] = i
         self._force()
 
 
 @dataclass(frozen=True)
 class _NativeCode:
-    """Kernels, and their results with shapes instead of arrays."""
+    """Kernels of `begin`, `decide` and `force`, and the trees of their results, with shapes instead of arrays."""
 
     begin: llvm.Kernel
     decide: llvm.Kernel
@@ -164,7 +164,7 @@ def _kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]
 
     def arrays_of(*args: Any) -> Any:
         arrays, static = eqx.partition(function(*args), eqx.is_array)
-        # Recorded during the only trace, since tracing a law takes seconds.
+        # The shapes are recorded during the only trace, since tracing a law takes seconds.
         parts[:] = [jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), arrays), static]
         return arrays
 
@@ -173,7 +173,7 @@ def _kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]
 
 
 Packed = tuple[Any, ...]
-"""All floating-point values in one array, then the other arrays."""
+"""A tree's arrays: one array with all floating-point values, then the other arrays."""
 
 
 class Packing:
@@ -216,13 +216,13 @@ class XlaSteps:
         self._code = _xla_code(LoopSignature.of(arrays, static, True))
         self._known = self._code.loop_arrays.pack(arrays[0])
         carry, *self._rest = self._code.begin(self._known, state)
-        # NumPy removes weak types. JAX would lose them after one sample, and compile everything again.
+        # NumPy removes weak types. Otherwise JAX would lose them after one sample, and compile everything again.
         self._carry = tuple(jax.device_put(np.asarray(part)) for part in self._code.of_carry.pack(carry))
         self._held = self._code.held
         self._lines: list[Packed] = []
         self._world = world
         self._k = 0
-        # These calls compile, before the run.
+        # The first calls compile the functions, before the run.
         self._code.decide(*self._decide_arguments)
         self._code.force(*self._force_arguments(0))
 
@@ -255,7 +255,7 @@ class XlaSteps:
 
 @dataclass(frozen=True)
 class _XlaCode:
-    """Functions of packed arrays, a packed zero torque, and the layouts."""
+    """Jitted `begin`, `decide` and `force` for packed arrays, a packed zero torque, and the layouts of the arrays."""
 
     begin: Callable[..., Any]
     decide: Callable[..., Any]
@@ -296,13 +296,13 @@ def _xla_code(signature: LoopSignature) -> _XlaCode:
 
 
 CHUNK = 1_000
-"""Samples between two updates of the bar."""
+"""Number of samples between two updates of the progress bar."""
 
 
 def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
     """Run a loop in held mode with MuJoCo in place of slidax's own plant.
 
-    - `engine`: engine of the law.
+    - `engine`: name of the engine that evaluates the law.
 
     Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
     part of the law has no machine code.

@@ -1,4 +1,4 @@
-"""MuJoCo's model of an arm with payload and table, and its simulation step by step."""
+"""MuJoCo's model of an arm with payload and table, and the model's simulation step by step."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ INTEGRATORS = {
 }
 
 STIFF = (0.99, 0.99, 1e-3, 0.5, 2.0)
-"""MuJoCo's impedance of rigid constraints: 1 % of the load shows as motion (its default: 10 %). A sticking joint creeps
-at 1 % of the velocity that its torque would cause in one step."""
+"""MuJoCo's impedance parameters (`solimp`) of rigid constraints. A sticking joint creeps at 1 % of the velocity that
+its torque would cause in one step; with MuJoCo's default it would be 10 %."""
 
 CONTACT = 2e-3
-"""MuJoCo's time constant of a contact [s]: a tenth of its default. A pressed tip sinks in by less than 0.1 mm. MuJoCo
-requires at least two of its steps of 1 ms."""
+"""Time constant of a contact [s], a tenth of MuJoCo's default: a pressed tip sinks in by less than 0.1 mm. MuJoCo
+requires at least two of its steps, here of 1 ms."""
 
 LEAST = 1e-12
-"""Mass and moments of a massless link, kg and kg m²: MuJoCo requires positive ones for each moving body."""
+"""Mass and moments of inertia of a massless link, kg and kg m²: MuJoCo requires positive values for moving bodies."""
 
 
 class CompiledModel(NamedTuple):
@@ -76,12 +76,12 @@ class CompiledModel(NamedTuple):
 def build(
     plant: MujocoPlant, robot: Articulated, load: Payload | None, *, free: bool, timestep: float
 ) -> CompiledModel:
-    """Compile MuJoCo's model.
+    """Compile MuJoCo's model of an arm and its surroundings.
 
     - `plant`: options and surroundings.
     - `robot`: the arm with its payload.
-    - `load`: payload with a shape that can touch the table.
-    - `free`: True if the load is released and so not part of the robot's payload.
+    - `load`: payload that gets a box as its shape, which can touch the table; None without one.
+    - `free`: True if this payload is released and so not part of the robot's payload.
     - `timestep`: MuJoCo's step [s].
 
     Raises DefinitionError if MuJoCo rejects the arm.
@@ -96,7 +96,7 @@ def build(
     option.gravity = np.asarray(robot.gravity_vector)
     option.integrator = getattr(mj.mjtIntegrator, INTEGRATORS[plant.integrator])
     option.cone = mj.mjtCone.mjCONE_ELLIPTIC
-    # Without this, MuJoCo resets infinite states, which must end the run.
+    # An infinite state must end the run; by default MuJoCo would reset it.
     option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
     links, joints = _links(spec, robot, plant, timestep=timestep)
     carrier = links[robot.tip_joint]
@@ -211,11 +211,11 @@ def _quaternion(rotation: Any) -> np.ndarray:
 
 
 class World:
-    """The arm and its surroundings at one time.
+    """The arm and its surroundings in MuJoCo, with their current state.
 
     To attach or release a payload, the world switches to another model, in which the payload is part of the last link
-    or a separate body. This is exact. MuJoCo's weld constraints can be switched within one model, but are compliant
-    and add six unknown forces to each step.
+    or a separate body. This is exact. MuJoCo's weld constraints could be switched within one model, but they are
+    compliant and add six unknown forces to each step.
 
     - `timestep`: MuJoCo's step [s].
     - `state`: the arm's state at t = 0.
@@ -252,7 +252,7 @@ class World:
 
     @property
     def data(self) -> Any:
-        """MuJoCo's data."""
+        """MuJoCo's state and results, `MjData`, of the current model."""
         return self._data
 
     @property
@@ -301,7 +301,10 @@ class World:
         self._positions, self._velocities, self._applied = data.qpos, data.qvel, data.qfrc_applied
 
     def _tip(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pose and velocity of the tip as for a free body: linear in the base frame, angular in the tip's frame."""
+        """Return the tip's pose [7] and velocity [6] in MuJoCo's form for a free body.
+
+        The linear velocity is in the base frame, the angular velocity in the tip's frame.
+        """
         mj, model, data, tip = self._mujoco, self._compiled.model, self._data, self._compiled.tip
         mj.mj_forward(model, data)
         pose, motion = np.empty(7), np.empty(6)

@@ -1,4 +1,4 @@
-"""Native engine: the closed loop as machine code, single runs or batches, on the processor or a card."""
+"""Native engine: the closed loop as machine code, for single runs or batches, on the CPU or a GPU."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from .native_loop import Define, LoopSignature, NativeLoop, batch_loop, duals, l
 from .run import Log, RunTiming
 
 CHUNK = 1_000_000
-"""Approximate number of samples between two updates of the bar."""
+"""Approximate number of samples between two updates of the progress bar."""
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks, to update the bar in between."""
+    """Run the loop in chunks, to update the progress bar in between."""
     samples, every = request.samples, request.log_every
     arrays, static = eqx.partition((request.loop, request.state0), eqx.is_array)
     native, code = _compiled(LoopSignature.of(arrays, static, every is not None))
@@ -71,16 +71,18 @@ def drive_batch(
     threads: int | None,
     machine: str = "native",
 ) -> tuple[Any, Log | None]:
-    """Run many loops; every array of the result, `LoopStart` and log, has the run as its first axis.
+    """Run many loops; return their `LoopStart` and log, in which every array has the run as its first axis.
 
     - `key`: equal for equal loops, so that each is compiled once.
     - `define`: maps one run's varied values to the loop and the state at t = 0.
     - `shapes`: shapes of one run's varied values.
-    - `varied`: arrays with the run as their first axis.
-    - `threads`: number of threads on the processor; None for one per core.
-    - `machine`: `native` for the processor, `cuda` for an NVIDIA card.
+    - `varied`: the varied values as arrays with the run as their first axis.
+    - `samples`: number of samples of each run.
+    - `every`: n to log every n-th sample; None for no log.
+    - `threads`: number of threads on the CPU; None for one per core.
+    - `machine`: `native` for the CPU, `cuda` for an NVIDIA GPU.
 
-    Raises NoNativeCodeError if a part of the loop has no machine code, DefinitionError if there is no card.
+    Raises NoNativeCodeError if a part of the loop has no machine code, DefinitionError if there is no GPU.
     """
     logged = every is not None
     source = _LoopSource((key, logged, *_shape_key(shapes)), lambda: batch_loop(define, shapes, logged=logged))
@@ -91,7 +93,7 @@ def drive_batch(
 
 
 def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
-    """Run one loop and its derivatives in many directions; return values and tangents by direction.
+    """Run one loop and its derivatives in many directions; return values and tangents with the direction as first axis.
 
     Values that do not depend on the direction are computed once for several directions. Arguments as in `drive_batch`.
 
@@ -130,7 +132,7 @@ def _batch_inputs(
     every: int | None,
     shared: Sequence[np.ndarray] = (),
 ) -> tuple[list[np.ndarray], int, int]:
-    """Return the arguments of a batch kernel: its inputs, the number of runs, the number of rows in each log."""
+    """Return the arguments of a batch kernel: its inputs, the number of runs, and the number of rows in each log."""
     counts = [np.asarray(samples), *([] if every is None else [np.asarray(every)])]
     return [*native.consts, *shared, *varied, *counts], varied[0].shape[0], -(-samples // (every or 1))
 
@@ -148,7 +150,7 @@ def _shape_key(shapes: Any) -> tuple[Any, ...]:
 
 @dataclass(frozen=True)
 class _LoopSource:
-    """A function that builds a batch's loop; only the key is compared."""
+    """A function that builds a batch's loop, and its key; sources with equal keys are equal."""
 
     key: Hashable
     build: Callable[[], NativeLoop] = field(compare=False)
@@ -162,7 +164,7 @@ def _compiled_batch(source: _LoopSource) -> tuple[NativeLoop, llvm.ByDemand]:
 
 @functools.lru_cache(maxsize=64)
 def _compiled_for_card(source: _LoopSource) -> tuple[NativeLoop, cuda.CudaKernel]:
-    """Compile for a card, in the correctly rounded operations that the processor uses, for bitwise equal results."""
+    """Compile for a GPU, with the correctly rounded operations of the CPU, for bitwise equal results."""
     native = source.build()
     return native, cuda.CudaKernel(lower_and_fuse(native.program))
 

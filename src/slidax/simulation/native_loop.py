@@ -1,4 +1,4 @@
-"""The closed loop and its derivatives as a program of the intermediate representation."""
+"""The closed loop and its derivatives as a program in slidax's intermediate representation."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from .loop import Carry, ClosedLoop, begin, sample
 from .outcome import Fault
 
 Define = Callable[[Any], tuple[ClosedLoop, State]]
-"""Map arrays to a loop and the state at t = 0."""
+"""Function that maps arrays to a loop and the state at t = 0."""
 
 
 @dataclass(frozen=True)
 class NativeLoop:
     """A closed loop as a program, with the layout of its arrays.
 
-    Inputs: `consts`, the loop's arrays, `steps`; then `every` if samples are logged; then, for a single run, `fresh`
-    and the carry to continue from. Outputs: the log's arrays, row by row, and the arrays of `start` with the carry
-    after the last sample.
+    The inputs are `consts`, the loop's arrays, the number `steps` of samples, and `every` if each `every`-th sample is
+    logged. A single run also has the inputs `fresh`, True to start at t = 0, and the carry from which to continue
+    otherwise. The outputs are the log's arrays, row by row, and the arrays of `start` with the carry after the last
+    sample.
 
     - `consts`: arrays that the loop's functions close over.
     - `start`: a `LoopStart`, with shapes instead of arrays.
@@ -43,12 +44,12 @@ class NativeLoop:
 
 
 def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the loop of one run: `steps` samples from the start if `fresh`, else from a carry; a fault ends it."""
+    """Return the loop of one run: `steps` samples from t = 0 if `fresh`, else from a carry. A fault ends the loop."""
     return lower_loop(*_parts(define), arrays, logged=logged, batch=False)
 
 
 def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the loop of each run of a batch; ended runs stand still until all have ended."""
+    """Return the loop of a batch's runs; a run that has ended keeps its state until all runs have ended."""
     return lower_loop(*_parts(define), arrays, logged=logged, batch=True)
 
 
@@ -66,7 +67,7 @@ def lower_loop(
     shared: Any = None,
     beforehand: Callable[[Any], Any] | None = None,
 ) -> NativeLoop:
-    """Lower a loop that two functions of arrays define.
+    """Translate a loop, which two functions of arrays define, to a program.
 
     - `start`: maps the arrays to a `LoopStart`.
     - `step`: maps the arrays and a carry to the next carry and one row of the log.
@@ -74,14 +75,14 @@ def lower_loop(
     - `logged`: True to log every `every`-th sample.
     - `batch`: True for many runs in parallel.
     - `shared`: arrays that all runs of a batch share; both functions then take the pair `(shared, arrays)`.
-    - `beforehand`: maps the arrays to new ones, once before the first sample; both functions then take the new ones.
+    - `beforehand`: maps the arrays to others, once before the first sample; both functions then take these.
     """
     inputs = arrays if shared is None else (shared, arrays)
     before = None if beforehand is None else _Traced(beforehand, inputs)
     values = inputs if before is None else before.result
     traced_start = _Traced(start, values)
     traced_step = _Traced(step, values, traced_start.result[0])
-    # Errors in the lines above occur with XLA, too, and keep their own type.
+    # Errors in the lines above would also occur with XLA, so they keep their own type.
     with as_native_code_error(lambda: "the loop"):
         return _program(before, traced_start, traced_step, inputs, logged, batch, len(jax.tree.leaves(shared)))
 
@@ -159,11 +160,11 @@ def _start(b: Builder, start: _Traced, compute: Callable[[], list[Values]], carr
 
 
 BEFOREHAND = "beforehand"
-"""Origin of values that are computed before the first sample."""
+"""Origin label of values that are computed before the first sample."""
 
 
 def _as_input(b: Builder, which: int, array: Values) -> Values:
-    """Copy values, so that optimisation treats them as inputs and the loop rounds as it does with inputs."""
+    """Return copies of values, which optimisation treats as inputs, so that the loop rounds as it does with inputs."""
     copies = np.empty(array.size, object)
     for k, value in enumerate(array.ravel()):
         copies[k] = b.apply("copy", value, type=value.type, data=(which, k))
@@ -211,7 +212,7 @@ class _Captured:
 
 
 def _index_of_fault(carry: Any) -> int:
-    """Index of the fault's kind among the carry's arrays."""
+    """Return the index of `fault.kind` among the carry's arrays."""
     marked = eqx.tree_at(lambda c: c.fault.kind, carry, None, is_leaf=lambda x: x is None)
     before = [name for name, _ in named_leaves((carry,), ("",))]
     (missing,) = set(before) - {name for name, _ in named_leaves((marked,), ("",))}
@@ -234,7 +235,7 @@ class Dual(eqx.Module):
 
 
 def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return the start of a loop and one sample of it, with derivatives, as functions of `(at, direction)`.
+    """Return two functions of `(at, direction)`: the start of a loop and one sample of it, both with derivatives.
 
     - `define`: maps arrays to a loop and the state at t = 0.
     """
@@ -278,7 +279,7 @@ def jvp(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, A
 
 @dataclass(frozen=True)
 class LoopSignature:
-    """Key of compiled code: loops with equal signatures share it."""
+    """Key of compiled code: loops with equal signatures share the code."""
 
     tree: Any
     shapes: tuple[tuple[tuple[int, ...], str], ...]
@@ -288,7 +289,7 @@ class LoopSignature:
 
     @staticmethod
     def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
-        """Return the signature of a tree from its two halves, as `equinox.partition` returns them."""
+        """Return the signature of a tree from its arrays and its static parts, as `equinox.partition` returns them."""
         leaves, tree = jax.tree.flatten(arrays)
         others, static_tree = jax.tree.flatten(static)
         return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)

@@ -18,9 +18,9 @@ from slidax.core.types import Envelope, Scalar, Vector
 class Excursion(eqx.Module):
     """Samples at or outside the bounds, as arrays.
 
-    - `first`, `last`: numbers of the first and the last such sample; -1 without one.
-    - `joint`: joint farthest outside at the first such sample, counted from 0.
-    - `error`, `bound`: its error and the bound that it exceeds there.
+    - `first`, `last`: numbers of the first and the last sample outside; -1 if there is none.
+    - `joint`: joint farthest outside at the first sample outside, counted from 0.
+    - `error`, `bound`: this joint's error and the bound that it exceeds at that sample, rad or m.
     - `beyond`: each joint's largest distance outside [n], rad or m; 0 if always inside.
     - `outside`: True if the latest sample was outside.
     """
@@ -76,10 +76,10 @@ class Outcome:
     """Outcome of a run, in words and as data.
 
     - `kind`: "ok", "left_envelope", "not_finite", or "recovered" for a run that left its envelope and returned.
-    - `message`: one sentence, with the remedy.
+    - `message`: the outcome in words, with the remedy.
     - `t`: time of the fault [s]. This and all fields below are None if ok.
-    - `joint`: counted from 1.
-    - `error`, `bound`: at the fault, rad or m; None unless the joint left its envelope.
+    - `joint`: number of the joint with the fault, counted from 1.
+    - `error`, `bound`: the joint's error and bound at the fault, rad or m; None unless it left its envelope.
     - `back`: time of the final return into the envelope [s]; None without a return.
     - `beyond`: largest distance outside, rad or m; None unless the run continued outside.
     """
@@ -105,7 +105,7 @@ class Outcome:
 
 
 class Fault(eqx.Module):
-    """The first fault, as arrays: `kind` indexes `FAULTS`, `joint` counts from 0."""
+    """A run's first fault, as arrays: `kind` indexes `FAULTS`, `joint` counts from 0; other fields as in `Outcome`."""
 
     kind: Int[Array, ""]
     t: Scalar
@@ -115,18 +115,18 @@ class Fault(eqx.Module):
 
     @property
     def absent(self) -> Bool[Array, "..."]:
-        """True without a fault."""
+        """True if there is no fault."""
         return self.kind == 0
 
 
 def no_fault() -> Fault:
-    """Return the fault of a run without one."""
+    """Return a `Fault` that stands for no fault."""
     zero = jnp.zeros(())
     return Fault(kind=jnp.zeros((), int), t=zero, joint=jnp.zeros((), int), error=zero, bound=zero)
 
 
 def first_fault(first: Fault, second: Fault) -> Fault:
-    """Return the first fault if there is one, else the second."""
+    """Return `first` if it is a fault, else `second`."""
     return jax.tree.map(lambda a, b: jnp.where(first.absent, b, a), first, second)
 
 
@@ -160,7 +160,7 @@ def describe_outcome(
 ) -> Outcome:
     """Describe the outcome of a finished run.
 
-    - `violations`: number of samples outside.
+    - `violations`: number of samples at or outside the bounds.
     - `period`: time between samples [s].
     - `units`: unit of each joint's position.
     - `names`: joint names.

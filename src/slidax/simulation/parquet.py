@@ -17,7 +17,7 @@ MOST_BYTES = 4000 * MEGABYTE
 """Size limit of a file [bytes]."""
 
 MOST_NUMBERS = 10**8
-"""Most numbers or strings that are read; a small file may declare billions."""
+"""Largest number of numbers or strings to read; a small file may declare billions."""
 
 
 def require_pyarrow(doing: str) -> None:
@@ -60,8 +60,8 @@ def _readable(path: Path) -> Iterator[None]:
 def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | None = None) -> Any:
     """Read some columns of a Parquet file as a pyarrow table.
 
-    - `choose`: maps the file's schema, and the list length in the first row of each column with lists, to the names of
-      the columns to read; by default all are read.
+    - `choose`: maps the file's schema, and the length of the first list in each column with lists, to the names of the
+      columns to read; by default all are read.
 
     Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name, a column
     without numbers or too many numbers, or pyarrow is missing; passes on the errors of `choose`.
@@ -151,7 +151,7 @@ def require_numbers(
     - `name`: the file's name, for messages.
     - `columns`: names of the needed columns.
     - `sizes`: list lengths of the columns with lists.
-    - `most`: most numbers to read; `MOST_NUMBERS` by default.
+    - `most`: largest number of numbers to read; `MOST_NUMBERS` by default.
     """
     most = MOST_NUMBERS if most is None else most
     schema, rows = file.schema_arrow, file.metadata.num_rows
@@ -194,7 +194,7 @@ def _list_sizes(file: Any) -> dict[str, int]:
 
 
 def element(column: Any, index: int) -> Any:
-    """Return the entry with an index, from 0, of each list in a pyarrow column.
+    """Return the entry at `index`, counted from 0, of each list in a pyarrow column.
 
     Raises DefinitionError if a list is too short.
     """

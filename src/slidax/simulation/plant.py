@@ -1,4 +1,4 @@
-"""Plants: the true robot with disturbance, sensor and actuator; also one that MuJoCo moves."""
+"""Plants: the true robot with disturbance, sensor and actuator. Its motion comes from slidax itself or from MuJoCo."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Plant(AbstractPart):
     """The true robot, with disturbances that no controller knows, eq. (10)."""
 
     robot: AbstractRobot = piece("the true arm, with M, C, G, F")
-    disturbance: AbstractDisturbance = piece("τ_d")
+    disturbance: AbstractDisturbance = piece("disturbance τ_d")
     sensor: AbstractSensor | None = piece("sensor; None measures the true state without delay", default=None)
     actuator: Actuator | None = piece(
         "drives; None applies each torque command unchanged and without delay", default=None
@@ -35,7 +35,7 @@ class Plant(AbstractPart):
     load: TimedPayload | None = piece(
         "payload that the tip carries for some time; None without one, or if it is part of the robot", default=None
     )
-    transmission: Transmission | None = piece("LuGre friction and elastic joints; None without", default=None)
+    transmission: Transmission | None = piece("LuGre friction and elastic joints; None without both", default=None)
 
     @classmethod
     def of_nominal(
@@ -46,18 +46,18 @@ class Plant(AbstractPart):
         sensor: AbstractSensor | None = None,
         actuator: Actuator | None = None,
     ) -> Plant:
-        """Return the plant of a nominal arm and the true arm's mismatch, with its payload.
+        """Return the plant whose true arm is the nominal arm with a mismatch, with the mismatch's payload.
 
         Raises DefinitionError if the mismatch does not fit the arm.
         """
         return cls(mismatch.applied(nominal), disturbance, sensor, actuator, mismatch.load)
 
     def acceleration(self, t: Scalar, state: State, tau: Vector) -> Vector:
-        """Acceleration `q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, [n], rad/s² or m/s²."""
+        """Return the acceleration `q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, [n], rad/s² or m/s², at time t [s]."""
         return self.at(t).acceleration(state, tau + self.disturbance(t, state))
 
     def at(self, t: Scalar) -> AbstractRobot:
-        """The robot with its payload at time t [s]."""
+        """Return the robot with the payload that it carries at time t [s]."""
         return self.robot if self.load is None else self.load.on(self.robot, t)
 
     def step(
@@ -84,7 +84,7 @@ def rotors_of(robot: AbstractRobot) -> Vector:
 
 
 MujocoIntegrator = Literal["implicitfast", "implicit", "euler", "rk4"]
-"""MuJoCo's names of its integrators."""
+"""MuJoCo's names for its integrators."""
 
 
 class Table(AbstractPart):
@@ -97,10 +97,10 @@ class Table(AbstractPart):
 class MujocoPlant(AbstractPart):
     """A plant with a robot that MuJoCo moves, for `simulate` in held mode. The controller sees only its sensors.
 
-    Masses, rotors and friction are those of `Plant`. With `dry`, Coulomb friction is MuJoCo's own: a joint sticks, and
-    its friction jumps at a reversal, where `Plant` smooths it. A carried payload is part of the last link. A released
-    payload becomes a separate body, the homogeneous box of equal mass and moments, which can fall onto the table.
-    MuJoCo takes `substeps` steps per period, with constant torque and disturbance in each.
+    Masses, rotors and friction are those of `Plant`. With `dry`, Coulomb friction is MuJoCo's own: joints stick, and
+    friction jumps when a joint reverses, whereas `Plant` smooths this jump. A carried payload is part of the last link.
+    A released payload becomes a separate body, the homogeneous box of equal mass and moments of inertia, which can fall
+    onto the table. MuJoCo takes `substeps` steps per period, with constant torque and disturbance in each.
     """
 
     robot: AbstractRobot = piece("an `Articulated` arm")
@@ -159,7 +159,7 @@ class MujocoPlant(AbstractPart):
 
     @property
     def with_friction(self) -> Plant:
-        """`own` with smoothed Coulomb friction as a disturbance, unless MuJoCo has it (`dry`)."""
+        """`own` with smoothed Coulomb friction as a disturbance, unless MuJoCo simulates this friction (`dry`)."""
         own = self.own
         if self.dry or not isinstance(self.robot, Articulated):
             return own
@@ -168,10 +168,10 @@ class MujocoPlant(AbstractPart):
 
 
 ROUNDING = 1e-6
-"""Allowed relative excess of the largest moment over the sum of the others, for rounded data."""
+"""Allowed relative excess of the largest principal moment over the sum of the others, for rounded data."""
 
 DENSITY = 2700.0
-"""Density of a released point mass, which becomes a cube of aluminium, kg/m³."""
+"""Density of aluminium, kg/m³: a released point mass becomes a cube of this density."""
 
 THIN = 1e-3
 """Smallest half thickness of a box [m]."""
@@ -189,7 +189,7 @@ def principal(inertia: np.ndarray) -> Principal:
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     moments = np.maximum(moments, 0.0)
-    # MuJoCo rejects even a tiny excess over the sum of the other moments. The moments are in increasing order.
+    # The moments are in increasing order. MuJoCo rejects even a tiny excess of the last one over the others' sum.
     moments[2] = min(moments[2], moments[0] + moments[1])
     return Principal(moments, axes)
 
@@ -204,7 +204,8 @@ class Box(NamedTuple):
 def box_like(mass: float, moments: np.ndarray) -> Box:
     """Return the homogeneous box with these moments, with a minimum thickness so that it can fall and roll.
 
-    - `moments`: [3], kg m²; all 0 for a point mass, which becomes a cube.
+    - `mass`: kg.
+    - `moments`: principal moments [3], kg m²; all 0 for a point mass, which becomes a cube.
     """
     if moments.any():
         squares = 1.5 / mass * (moments.sum() - 2.0 * moments)
@@ -228,11 +229,11 @@ def require_rigid(payload: Payload) -> None:
 class FreeBody(eqx.Module):
     """Pose of a released payload at the m samples that were logged since its release.
 
-    Its frame is the tip's at the release; the payload's centre and inertia are relative to that frame.
+    The payload's frame is the tip's frame at the release; the payload's centre and inertia are relative to this frame.
 
-    - `t`: time [m], s.
-    - `rotation`: axes as columns, in the base frame [m 3 3].
-    - `position`: origin, in the base frame [m 3], m.
+    - `t`: times [m], s.
+    - `rotation`: axes of the payload's frame as columns, in the base frame [m 3 3].
+    - `position`: origin of the payload's frame, in the base frame [m 3], m.
     """
 
     t: Float[np.ndarray, " m"]

@@ -25,7 +25,7 @@ PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "
 
 
 def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
-    """Columns of a single run's log by name, each with its unit: sample, time, state, reference, error, torque, ...
+    """Return the columns of a single run's log by name, each with its unit: sample, time, state, reference, error, ...
 
     - `labels`: suffix of a quantity's name for each joint.
 
@@ -110,9 +110,9 @@ class Log(eqx.Module):
     - `k`: number of the sample.
     - `t`: time [s].
     - `state`: the true state, not the measured one.
-    - `reference`, `envelope`: those of the controller; `envelope` is None for a scheme without one.
-    - `tau`: torque after the actuator's limits [N m or N]; for a lost sample, the previous torque.
-    - `signals`: the controller's internal quantities by name; for a lost sample, those of the unused command.
+    - `reference`, `envelope`: the controller's reference and envelope; `envelope` is None for a scheme without one.
+    - `tau`: torque after the actuator's limits [N m or N]; if the measurement was lost, the previous torque.
+    - `signals`: the controller's internal quantities by name; if the measurement was lost, those of the unused command.
     - `valid`: False for rows after the end of the run, which only a batch has.
     """
 
@@ -136,7 +136,7 @@ class Log(eqx.Module):
         return self.state.dq - self.reference.dq
 
     def without_padding(self) -> Log:
-        """The log of a single run, with its valid samples only."""
+        """Return the log of a single run, with its valid samples only."""
         valid = np.asarray(self.valid)
         return jax.tree.map(lambda x: np.asarray(x)[valid], self)
 
@@ -144,8 +144,8 @@ class Log(eqx.Module):
 class RunTiming(NamedTuple):
     """Computing time of a run.
 
-    - `compile_s`: tracing and compiling [s]; near 0 for the second run with equal shapes.
-    - `run_s`: the run itself [s].
+    - `compile_s`: time for tracing and compiling [s]; near 0 for the second run with equal shapes.
+    - `run_s`: time for the run itself [s].
     """
 
     compile_s: float
@@ -158,15 +158,15 @@ class Run(eqx.Module):
     A batch has a length, `runs[i]` is one of its runs, and `for run in runs` iterates over them.
 
     - `log`: the logged samples; None without a log.
-    - `tally`: statistics of all samples, which the metrics read.
-    - `windows`: first sample of each statistic, and the settling bands.
+    - `tally`: statistics of all samples, from which the metrics are computed.
+    - `windows`: time windows of the statistics, and the settling bands.
     - `fault`: the first fault, as arrays; see `outcome`.
     - `excursion`: samples outside the envelope, as arrays; None if the first of them ends a run.
     - `state`: the true state at the last sample without a fault.
     - `period`: time between samples [s].
     - `t1`: requested end [s].
     - `has_envelope`: True if the scheme has an envelope.
-    - `timing`: None inside a transformation.
+    - `timing`: computing time; None for a batch, and inside a transformation.
     - `load`: motion of a released payload; only with a `MujocoPlant`.
     """
 
@@ -239,11 +239,11 @@ class Run(eqx.Module):
         return int(self.period.shape[0])
 
     def __bool__(self) -> bool:
-        """True, whatever the outcome."""
+        """True for every outcome, so that a run never counts as empty."""
         return True
 
     def __getitem__(self, which: int | slice) -> Run:
-        """One run of a batch, with its valid samples only; or several, by a slice."""
+        """Return one run of a batch, with its valid samples only, or several runs for a slice."""
         if isinstance(which, slice):
             return _select(self, which)
         count = len(self)
@@ -270,7 +270,9 @@ class Run(eqx.Module):
         return isinstance(kind, jax.Array | np.ndarray | np.generic) and not is_traced(self) and self.period.ndim < 2
 
     def frame(self, kind: Kind = "pandas", joints: Literal["names", "numbers"] = "names") -> Any:
-        """The log as a data frame: a row per sample, columns such as `q[panda_joint1]`; pandas has units in `attrs`.
+        """Return the log as a data frame, with a row per sample and columns such as `q[panda_joint1]`.
+
+        The units of a pandas data frame are in its `attrs`.
 
         - `joints`: "names" for `q[panda_joint1]`, "numbers" for `q_1`, as in Parquet logs.
 
@@ -281,7 +283,7 @@ class Run(eqx.Module):
         return data_frame({name: values for name, (values, _) in columns.items()}, kind, units)
 
     def units(self, joints: Literal["names", "numbers"] = "names") -> dict[str, str]:
-        """Units of the columns of `frame`, by name. Raises DefinitionError as `frame` does."""
+        """Return the units of the columns of `frame`, by name. Raises DefinitionError as `frame` does."""
         return {name: unit for name, (_, unit) in self._columns(joints).items()}
 
     def _columns(self, joints: str) -> dict[str, tuple[np.ndarray, str]]:
@@ -292,7 +294,7 @@ class Run(eqx.Module):
 
 
 def _select(run: Run, which: int | slice) -> Run:
-    # By NumPy: JAX would compile a slice for each shape.
+    # NumPy takes the slices, since JAX would compile a slice for each shape.
     return jax.tree.map(lambda x: x[which] if is_traced(x) else np.asarray(x)[which, ...], run)
 
 
@@ -334,14 +336,14 @@ def sketch(run: Run) -> str:
 
 
 SETTLED = 1e-3
-"""Error band, rad or m, of the settling times in the table, which has them if the run has this band."""
+"""Error band of the table's settling times, rad or m; the table has them if the run has this band."""
 
 Rows = list[list[str]]
-"""A table with headings in its first row and joints in its first column."""
+"""Rows of a table's cells: headings in the first row, joints in the first column."""
 
 
 def heading(run: Run) -> str:
-    """One line with the joints, the duration, the period and the outcome of a run or a batch."""
+    """Return a line with the number of joints, the duration, the period and the outcome of a run or a batch."""
     many = run.period.ndim > 0
     period, t1 = float(np.ravel(run.period)[0]), float(np.ravel(run.t1)[0])
     kinds = Counter(outcome.kind for outcome in run.outcomes)
@@ -351,7 +353,7 @@ def heading(run: Run) -> str:
 
 
 def remarks(run: Run) -> list[str]:
-    """Sentences on bad outcomes, violations and computing time."""
+    """Return sentences on bad outcomes, violations and computing time."""
     remarks = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
     if run.has_envelope:
         outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))
@@ -365,7 +367,7 @@ def remarks(run: Run) -> list[str]:
 
 
 def table(run: Run) -> Rows:
-    """Main results of each joint with units; for a batch, the worst of its runs."""
+    """Return a table with the main results of each joint and their units; for a batch, the worst of its runs."""
     tally, windows = run.tally, run.windows
     many = tuple(range(np.ndim(run.period)))
     samples = np.expand_dims(np.asarray(tally.samples), -1)

@@ -1,4 +1,4 @@
-"""Simulate one closed loop, a batch, or a metric with its gradient."""
+"""Simulation of one closed loop or of a batch, and gradients of metrics."""
 
 from __future__ import annotations
 
@@ -52,27 +52,28 @@ def simulate(
 
         simulate(plant, controller, trajectory, State([0.2, 0.8]), t1=10.0, period=1e-3)
 
-    Every evaluation of the law checks the envelope and finiteness. The first violation ends the run, and `run.outcome`
-    names it. With `outside="recover"` the run continues, for a law that is defined outside, and the outcome has the
-    times of leaving and returning. In continuous mode τ(k) is the torque at the start of step k.
+    Each evaluation of the law checks that the error is inside the envelope and all values are finite. The first
+    violation ends the run, and `run.outcome` describes it. With `outside="recover"` a run continues outside its
+    envelope, for a law that is defined there, and the outcome has the times of leaving and returning. In continuous
+    mode the logged torque of sample k is the torque at the start of step k.
 
     - `plant`: the true robot with its disturbance; a `MujocoPlant` needs held mode.
-    - `tolerance`: band of the error that judges the run, independent of the scheme's envelope; see
+    - `tolerance`: tolerance band of the error, by which the run is judged independently of the scheme's envelope; see
       `metrics.tolerance_margin` and `metrics.tolerance_violations`.
     - `t1`: end [s], a whole number of periods.
     - `stepping`: period, mode, integrator, engine.
     - `log_every`: n to log every n-th sample; None for no log. Metrics always use all samples.
     - `bands`: error bands for the settling time, rad or m.
-    - `throw`: raise OutcomeError on a bad outcome, instead of returning the run.
-    - `progress`: show a bar; None shows it for long runs if standard error is a terminal.
+    - `throw`: True to raise OutcomeError on a bad outcome, instead of returning the run.
+    - `progress`: True to show a progress bar; None shows it for long runs if standard error is a terminal.
     - `changes`: fields of `Stepping` by keyword, which replace those of `stepping`: `period`, `mode`, `substeps`,
       `integrator`, `outside`, `limits`, `engine`. Either argument must set `period`.
 
-    Works inside `jit`, `vmap` and `grad`, with XLA and without checks or a bar; `run.log.valid` then marks the valid
-    samples. Use `simulate_batch` for many runs.
+    `simulate` also works inside `jit`, `vmap` and `grad`: by XLA, without checks and without a progress bar. Then
+    `run.log.valid` marks the valid samples. Use `simulate_batch` for many runs.
 
     Raises DefinitionError if the parts do not fit each other, the start is outside the envelope, the actuator cannot
-    hold the arm there, or the start or the motion exceeds the joint limits.
+    hold the arm at the start, or the start or the motion exceeds the joint limits.
     """
     stepping = Stepping.of(stepping, changes)
     own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
@@ -126,7 +127,9 @@ def _require_samples(mode: str, traced: bool) -> None:
     if mode == "continuous":
         raise DefinitionError("a MujocoPlant needs samples: simulate in held mode, not in continuous mode")
     if traced:
-        raise DefinitionError("MuJoCo cannot be traced: simulate outside `jit`, `vmap` and `grad`, or a `Plant`")
+        raise DefinitionError(
+            "MuJoCo cannot be traced: simulate outside `jit`, `vmap` and `grad`, or simulate a `Plant`"
+        )
 
 
 Parts = (
@@ -147,24 +150,24 @@ def simulate_batch(
     threads: int | None = None,
     **changes: Any,
 ) -> Run:
-    """Simulate `define(varied[0])`, `define(varied[1])`, ... and return one `Run`.
+    """Simulate `define(varied[0])`, `define(varied[1])`, ... and return all runs as one `Run`.
 
-    Its arrays have the run as their first axis, as with `jax.vmap` of `simulate`; `runs[i]` is one of them.
+    All arrays of the result have the run as their first axis, as with `jax.vmap` of `simulate`; `runs[i]` is one run.
 
     The vector units of each core advance several runs at a time. Values that are equal in these runs are computed once:
-    reference, envelope and disturbance, if only gains vary. A run's results are bitwise independent of the other runs
-    and of the number of threads.
+    for example reference, envelope and disturbance, if only gains vary. A run's results are bitwise independent of the
+    other runs and of the number of threads.
 
-    - `define`: maps one run's varied values to `(plant, controller, trajectory, state0)`, with the tolerance band as
-      an optional fifth. Pure and traced by JAX, so its values are not checked; read `run.outcomes`.
+    - `define`: maps one run's varied values to `(plant, controller, trajectory, state0)`, optionally followed by the
+      tolerance band. It must be pure. JAX traces it, so the parts' values are not checked; read `run.outcomes`.
     - `varied`: a pytree of arrays with the run as their first axis.
-    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, equal for all runs. The engine "xla" is `jax.vmap`;
-      "cuda" uses an NVIDIA card, with a thread for each run.
+    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`, equal for all runs. The engine "xla" uses `jax.vmap`;
+      "cuda" uses an NVIDIA GPU, with a thread for each run.
     - `log_every`: n to log every n-th sample; None for no log. `run.log.valid` marks the valid samples.
     - `threads`: number of threads of the native engine; None for one per core.
 
     Raises DefinitionError if the parts do not fit each other, the arrays differ in their first axis, or the engine is
-    "cuda" and CuPy or a card is missing.
+    "cuda" and CuPy or a GPU is missing.
     """
     varied = jax.tree.map(jnp.asarray, varied)
     _require_one_length(varied)
@@ -181,7 +184,7 @@ def simulate_batch(
 
 @dataclass(frozen=True)
 class BatchRequest:
-    """Everything that the runs of a batch share. Equal requests share compiled code."""
+    """Arguments that all runs of a batch have in common. Equal requests share compiled code."""
 
     define: Callable[[Any], Parts]
     t1: float
@@ -195,26 +198,26 @@ class BatchRequest:
         return simulate(*self.define(values), **options)
 
     def loop(self, values: Any) -> tuple[ClosedLoop, State, int, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Return the loop, the first state, the number of samples, and the units and names of the joints."""
+        """Return one run's loop, its state at t = 0, the number of samples, and the joints' units and names."""
         plant, controller, trajectory, state0, *tolerance = self.define(values)
         if isinstance(plant, MujocoPlant):
-            raise DefinitionError("MuJoCo moves one arm at a time: give a `Plant`, or call `simulate` for each run")
+            raise DefinitionError("MuJoCo moves one arm at a time: use a `Plant`, or call `simulate` for each run")
         loop, samples = define_loop(
             plant, controller, trajectory, state0, self.t1, self.stepping, self.log_every, self.bands, *tolerance
         )
         return loop, state0, samples, (plant.robot.joint_units, plant.robot.joint_names)
 
     def start(self, values: Any) -> tuple[ClosedLoop, State]:
-        """Return the loop and the first state, as the native engine takes them."""
+        """Return one run's loop and its state at t = 0, as the native engine takes them."""
         return self.loop(values)[:2]
 
     def shape(self, values: Any) -> tuple[int, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Return the number of samples, and the units and names of the joints."""
+        """Return the number of samples of each run, and the joints' units and names."""
         *_, samples, joints = eqx.filter_eval_shape(self.loop, values)
         return samples, joints
 
     def clock(self, samples: int) -> tuple[Windows, np.ndarray, np.ndarray]:
-        """Return the windows, the period and the end of each run."""
+        """Return the statistics' windows, the period [s] and the end [s] of each run."""
         period = self.stepping.period
         return windows_of(samples - 1, period, self.bands), np.asarray(period, float), np.asarray(self.t1, float)
 
@@ -257,7 +260,7 @@ def _run_natively(request: BatchRequest, varied: Any, threads: int | None, machi
         request, request.start, shapes, varied, samples, request.log_every, threads, machine
     )
     runs = jax.tree.leaves(varied)[0].shape[0]
-    # By NumPy: JAX would compile a program for each shape, which takes longer than a few runs.
+    # NumPy repeats the values, since JAX would compile a program for each shape, which takes longer than a few runs.
     clock = jax.tree.map(lambda x: constant(np.broadcast_to(x, (runs, *np.shape(x)))), request.clock(samples))
     arrays = log, results_of(carry), clock
     # Build the structure from the first run, since field types require its shapes; then insert the arrays of all runs.
@@ -290,15 +293,15 @@ def value_and_gradient(
 ) -> tuple[Scalar, Any]:
     """Return `J(x)` and `dJ/dx`, a tree like x, for `J(x) = metric(simulate(*define(x)))`, in forward mode.
 
-    The run and its derivatives in all directions of x advance together, eight directions side by side. This suits up
-    to some dozens of parameters: it stores no states, and compiles in seconds. `jax.grad` of `simulate` takes the time
-    of a few runs for any number of parameters, but stores every state, and XLA compiles it for minutes for an arm with
+    The run and its derivatives in all directions of x advance together, eight directions in parallel. This suits up to
+    some dozens of parameters: it stores no states, and compiles in seconds. `jax.grad` of `simulate` takes the time of
+    a few runs for any number of parameters. But it stores every state, and XLA compiles it for minutes for an arm with
     seven joints.
 
     - `metric`: maps a run to one number; pure, as inside `jax.grad`. `run.log.valid` marks the valid samples.
     - `define`: maps x to `(plant, controller, trajectory, state0)`; pure, and traced by JAX.
     - `at`: x, a tree of numbers and arrays.
-    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`; the engine "xla" is its `jax.jvp`.
+    - `t1`, `stepping`, `bands`, `changes`: as in `simulate`; the engine "xla" uses `jax.jvp`.
     - `log_every`: n to log every n-th sample for the metric; None for no log.
 
     Raises DefinitionError if `at` has no numbers, or the parts do not fit each other.

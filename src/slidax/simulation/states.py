@@ -1,4 +1,4 @@
-"""Evaluate robots and motions at many states at once: inertia, forces, joint frames, joint limits."""
+"""Evaluation of robots and motions at many states at once: inertia, forces, joint frames, joint limits."""
 
 from __future__ import annotations
 
@@ -46,12 +46,17 @@ class States(NamedTuple):
     positions: Numbers | None = None
 
     def torque(self, ddq: Numbers) -> Numbers:
-        """Torque `M(q) q̈ + C(q,q̇) q̇ + G(q)` [k n], N m or N."""
+        """Return the torque `M(q) q̈ + C(q,q̇) q̇ + G(q)` [k n], N m or N.
+
+        - `ddq`: accelerations [k n], rad/s² or m/s².
+        """
         return np.einsum("kij,kj->ki", self.mass, ddq) + self.bias
 
 
 def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> States:
-    """Return a robot's quantities at positions and velocities [k n]; at rest by default.
+    """Return a robot's quantities at k states.
+
+    - `q`, `dq`: positions and velocities [k n]; velocities are 0 by default.
 
     Raises DefinitionError if JAX uses 32-bit numbers.
     """
@@ -63,7 +68,7 @@ def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> St
             numbers = [np.asarray(leaf) for leaf in jax.tree.leaves(arrays)]
             kernel = _state_kernel(LoopSignature.of(arrays, static, False), q.shape[1])
             return States(*kernel.batch([*numbers, *moving], runs=len(q), threads=1))
-    # The compilation by XLA takes a hundred times as long.
+    # XLA is only the alternative, since its compilation takes a hundred times as long.
     return States(*map(np.asarray, jax.jit(jax.vmap(_state, (None, 0, 0)))(robot, *moving)))
 
 
@@ -87,7 +92,10 @@ def _state_kernel(signature: LoopSignature, joints: int) -> llvm.Kernel:
 def spread_in_box(lower: Numbers, upper: Numbers, count: int) -> Numbers:
     """Return points spread evenly over a box, [count n], by an additive recurrence (quasi-random, deterministic).
 
-    Its steps are negative powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.
+    The recurrence's steps are negative powers of the root of `x^(n+1) = x + 1`, the golden ratio in n dimensions.
+
+    - `lower`, `upper`: ends of the box [n].
+    - `count`: number of points.
     """
     n = len(lower)
     root = 1.5
@@ -126,7 +134,7 @@ def require_within_limits(
         excess = _first_excess(robot, np.asarray(state0.q)[None], np.asarray(state0.dq)[None])
         if excess is not None:
             raise DefinitionError(f"`state0` is beyond the robot's limits: {excess[1]}; {REMEDY}")
-    # Later samples are at rest. The motion has known values, even inside a traced batch.
+    # After `until` the reference is at rest. The motion's values are known here, even inside a traced batch.
     with jax.ensure_compile_time_eval():
         until = float(trajectory.until)
     last = int(min(steps, np.ceil(until / stepping.period) + 1))
@@ -159,7 +167,7 @@ def _first_excess(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -
 
 
 def _positions(trajectory: AbstractMotion, times: np.ndarray) -> np.ndarray:
-    """Evaluate the motion at times, [times n], by machine code if possible, since XLA compiles ten times as long."""
+    """Return a motion's positions at times [times n], by machine code if possible: XLA compiles ten times as long."""
     arrays, static = eqx.partition(trajectory, eqx.is_array)
     signature = LoopSignature.of(arrays, static, False)
     if llvm.available():

@@ -53,7 +53,7 @@ class Stepping(AbstractPart):
     )
     engine: EngineName = piece(
         'engine: "native" for slidax\'s own machine code, "xla" for the reference, "auto" for "native" if possible, '
-        '"cuda" for the native code on an NVIDIA card, for batches',
+        '"cuda" for the native code on an NVIDIA GPU, for batches',
         default="auto",
         static=True,
     )
@@ -73,7 +73,9 @@ class Stepping(AbstractPart):
 
     @staticmethod
     def of(stepping: Stepping | None, changes: Mapping[str, Any]) -> Stepping:
-        """Return a stepping with fields changed by keyword.
+        """Return `stepping` with some fields replaced, or a new `Stepping` of these fields if it is None.
+
+        - `changes`: values of the fields by name.
 
         Raises DefinitionError if a field is unknown or out of its range, or the period is missing.
         """
@@ -90,4 +92,4 @@ class Stepping(AbstractPart):
 
 
 CHOICES = ("mode", "outside", "limits", "engine")
-"""Fields with a few allowed words."""
+"""Fields whose value is one of a few words."""

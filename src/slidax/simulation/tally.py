@@ -1,4 +1,4 @@
-"""Running statistics of all samples: metrics are exact, even if few samples are logged."""
+"""Running statistics of all samples, so that metrics are exact even if few samples are logged."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from slidax.law.error_transformations import PrescribedPerformance, Sides
 
 
 class ErrorTally(eqx.Module):
-    """Statistics of an error over all samples; each [], in its unit.
+    """Statistics of an error's size over all samples, as scalars in the error's unit.
 
-    - `error`: maximum.
+    - `error`: maximum over the run.
     - `steady`: maximum in the last quarter of the run.
-    - `square`: sum of squares.
+    - `square`: sum of squares, in the unit squared.
     """
 
     error: Scalar
@@ -34,7 +34,7 @@ class ErrorTally(eqx.Module):
         return ErrorTally(error=zero, steady=zero, square=zero)
 
     def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> ErrorTally:
-        """Add a sample if `running`, and to the last quarter if `steady`."""
+        """Return the tally with another sample if `running`; the sample is in the last quarter if `steady`."""
         return ErrorTally(
             error=jnp.where(running, jnp.maximum(self.error, size), self.error),
             steady=jnp.where(steady, jnp.maximum(self.steady, size), self.steady),
@@ -45,8 +45,8 @@ class ErrorTally(eqx.Module):
 class ToolTally(eqx.Module):
     """Error of the tool relative to the reference.
 
-    - `position`: distance of the tip, m.
-    - `rotation`: rotation angle, rad; None for a robot whose tip has no orientation.
+    - `position`: distance of the tip from its reference, m.
+    - `rotation`: rotation angle from the reference, rad; None for a robot whose tip has no orientation.
     """
 
     position: ErrorTally
@@ -61,7 +61,11 @@ class ToolTally(eqx.Module):
     def add(
         self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
     ) -> ToolTally:
-        """Add a sample with the actual and the wanted joint positions [n], rad or m."""
+        """Return the tally with another sample if `running`.
+
+        - `q`, `wanted`: actual and reference positions of the joints [n], rad or m.
+        - `steady`: True in the last quarter of the run.
+        """
         distance = vector_norm(robot.tip(q) - robot.tip(wanted))
         rotation = self.rotation
         if rotation is not None:
@@ -72,14 +76,17 @@ class ToolTally(eqx.Module):
 
 
 def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Scalar:
-    """Rotation angle between two frames with axes as columns, in [0, π], rad; accurate for small angles."""
+    """Return the rotation angle between two frames, in [0, π], rad; accurate for small angles too.
+
+    - `axes`, `others`: axes of both frames as columns.
+    """
     x, y, z = (jnp.cross(others[:, k], axes[:, k]) for k in range(3))
     # Half the sum of x, y, z is the axis times the sine; the trace is 1 + 2 cos.
     return jnp.arctan2(vector_norm(0.5 * (x + y + z)), 0.5 * (jnp.sum(axes * others) - 1.0))
 
 
 class ToleranceTally(eqx.Module):
-    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12), with the sides of (13) from the true initial error.
+    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12). Its sides (13) follow from the true initial error.
 
     - `sides`: b and b̄ [n].
     - `outside`: number of samples with a joint at or outside its bounds, [].
@@ -97,7 +104,7 @@ class ToleranceTally(eqx.Module):
         return ToleranceTally(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
 
     def add(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> ToleranceTally:
-        """Add a sample with error e [n], rad or m, at t [s]."""
+        """Return the tally with another sample, with error e [n], rad or m, at t [s], if `running`."""
         bounds = tolerance.envelope(t, self.sides)
         known = running & jnp.all(jnp.isfinite(e))
         inside = jnp.all((bounds.lower < e) & (e < bounds.upper))
@@ -125,7 +132,7 @@ class MonitorTally(eqx.Module):
         return MonitorTally(margin=jnp.full((), jnp.inf), warned=jnp.full((), -1))
 
     def add(self, k: Int[Array, ""], margin: Scalar, running: Bool[Array, ""]) -> MonitorTally:
-        """Add the monitor's margin at sample k."""
+        """Return the tally with the monitor's margin at sample k, if `running`."""
         first = running & (margin < 0.0) & (self.warned < 0)
         return MonitorTally(
             margin=jnp.where(running, jnp.minimum(self.margin, margin), self.margin),
@@ -134,7 +141,7 @@ class MonitorTally(eqx.Module):
 
 
 class Windows(eqx.Module):
-    """First samples of the statistics.
+    """Time windows of the statistics, by their first samples, and the settling bands.
 
     - `steady`: first sample of the last quarter of the run.
     - `late`: first sample after 2 s, as in eq. (80).
@@ -147,23 +154,24 @@ class Windows(eqx.Module):
 
 
 class Tally(eqx.Module):
-    """Statistics of all samples, each [n] unless stated otherwise.
+    """Statistics of all samples, one value per joint [n] unless stated otherwise.
 
     - `samples`, `violations`: number of samples, and of those with a joint at or outside its bounds, [].
     - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
-    - `early_error`, `late_error`: sums of |e| up to 2 s, and after.
+    - `early_error`, `late_error`: sums of |e| up to 2 s, and after 2 s.
     - `error_square`: sum of e².
     - `first_error`, `last_error`: |e| of the first and of the last sample.
     - `steady_error`: max |e| over the last quarter.
     - `first_torque`, `last_torque`: τ of the first and of the last sample.
     - `peak_torque`: max |τ|.
     - `max_step`, `steady_step`: max |τ(k+1) - τ(k)| over the run, and over its last quarter.
-    - `steady_square`: sum of (τ(k+1) - τ(k))² over its last quarter.
+    - `steady_square`: sum of (τ(k+1) - τ(k))² over the run's last quarter.
     - `torque_square`: sum of τ².
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
-    - `margin`: min over time of the distance to the nearer bound, divided by the envelope's width; inf without one.
+    - `margin`: min over time of the distance to the nearer bound, divided by the width between the envelope's bounds;
+      inf without an envelope.
     - `tolerance`: margin to the tolerance band; None without one.
-    - `promise`: margin from the law's monitor; None without one.
+    - `promise`: margin from the law's monitor; None without a monitor.
     - `tool`: error of the tool; None without a tool path.
     - `rejected`: number of measurements that the law's gate rejected, []; None without a gate.
     """
@@ -229,7 +237,7 @@ class Tally(eqx.Module):
         )
 
     def add(self, k: Int[Array, ""], e: Vector, tau: Vector, envelope: Envelope | None, windows: Windows) -> Tally:
-        """Add sample k with error e [n], rad or m, and torque tau [n], N m or N."""
+        """Return the tally with sample k, with error e [n], rad or m, and torque tau [n], N m or N."""
         size = jnp.abs(e)
         effort = jnp.abs(tau)
         steady, late = k >= windows.steady, k >= windows.late
@@ -265,7 +273,7 @@ class Tally(eqx.Module):
         )
 
     def with_tolerance(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
-        """Add a sample to the margin of the tolerance band, also where the law is undefined."""
+        """Return the tally with a sample's margin to the tolerance band, also where the law is undefined."""
         if self.tolerance is None:
             return self
         return eqx.tree_at(lambda tally: tally.tolerance, self, self.tolerance.add(tolerance, t, e, running))
@@ -277,12 +285,12 @@ class Tally(eqx.Module):
         return eqx.tree_at(lambda tally: tally.promise, self, self.promise.add(k, signals["margin"], running))
 
     def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """Add a decision of the law's gate."""
+        """Return the tally with another decision of the law's gate: a rejected measurement, or none."""
         if self.rejected is None:
             return self
         rejected = running & (signals["rejected"] > 0.0)
         return eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
-        """Add a violation if the sample is at or outside its bounds."""
+        """Return the tally with another violation if the sample is at or outside its bounds."""
         return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))

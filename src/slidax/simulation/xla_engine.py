@@ -18,7 +18,7 @@ from .loop import Carry, ClosedLoop, LoopStart, begin, sample
 from .run import Log, RunTiming
 
 CHUNK = 50_000
-"""Approximate number of samples between two updates of the bar, each of which costs as much as a thousand samples."""
+"""Approximate number of samples between two updates of the progress bar; each costs as much as a thousand samples."""
 
 _begin = eqx.filter_jit(begin)
 
@@ -53,14 +53,14 @@ _advance: Any = eqx.filter_jit(advance)
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks of equal size, which compile once, to update the bar in between."""
+    """Run the loop in chunks, to update the progress bar in between; equal sizes need only one compilation."""
     loop, samples, every = request.loop, request.samples, request.log_every
     start: LoopStart = _begin(loop, request.state0)
     require_start(loop, request.state0, *start[1:])
     carry = start[0]
     chunks = max(1, round(samples / CHUNK))
-    # In continuous mode, XLA fuses other products into sums in a loop without a log: metrics would depend on logging.
-    # Therefore each chunk logs two samples, which are dropped.
+    # In continuous mode, a loop without a log would round differently, since XLA fuses other products into sums.
+    # Metrics would then depend on logging. Therefore each chunk logs at least two samples, which are dropped.
     stride = every or (-(-samples // (2 * chunks)) if loop.continuous else None)
     points = max(2, -(-samples // (chunks * (stride or 1))))
     chunks = -(-samples // (points * (stride or 1)))

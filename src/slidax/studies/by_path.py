@@ -1,4 +1,4 @@
-"""Runs and derivatives of one scenario over its values by path, such as `scheme.surface.k1`."""
+"""Runs and derivatives of a scenario for other parameter values, by path, such as `scheme.surface.k1`."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | Non
 
         runs = scenario.sweep({"scheme.surface.k1": [0.1, 0.2, 0.4]})
 
-    - `values`: by path, each with the run as its first axis; all paths have the same number of runs.
+    - `values`: values by path; the first axis is the run, with the same length for all paths.
     - `log_every`: log one in so many samples; None logs none.
 
-    Raises DefinitionError if a path does not exist, a value is out of its range, or is not an array of
-    the compiled loop.
+    Raises DefinitionError if a path does not exist, a value is out of its range, or a value cannot vary within the
+    compiled loop.
     """
     arrays = {path: np.asarray(array) for path, array in values.items()}
     counts = {path: len(array) if array.ndim else 0 for path, array in arrays.items()}
@@ -50,14 +50,15 @@ def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | Non
 def grad(
     scenario: Scenario, metric: str | Metric[Any] | Callable[[Run], Any], path: str | Sequence[str]
 ) -> tuple[float, Any]:
-    """Return a metric of the scenario's run, of its worst joint, and its derivative by the value at a path.
+    """Return a metric of the scenario's run, for the worst joint, and its derivative with respect to a parameter.
 
         error, slope = scenario.grad("steady_error", "scheme.surface.k1")
 
-    - `metric`: its name, the metric, or a function from a run to one number.
-    - `path`: one path, or several; the derivatives of several are a mapping.
+    - `metric`: name of a metric, a metric, or a function from a run to numbers, of which the largest counts.
+    - `path`: path of a parameter, or several paths; the derivatives of several are a mapping by path.
 
-    Raises DefinitionError if the metric has no derivative, or a path does not exist or is not an array of the loop.
+    Raises DefinitionError if the metric has no derivative, a path does not exist, or the parameter is compiled into the
+    loop.
     """
     paths = [path] if isinstance(path, str) else list(path)
     if isinstance(metric, str):
@@ -72,14 +73,14 @@ def grad(
     varies = family.traceable(templates, {full: value[None] for full, value in at.items()})
     fixed = [full for full in at if not varies[full]]
     if fixed:
-        raise DefinitionError(f"`{fixed[0]}` is compiled into the loop, so that a run has no derivative by it")
+        raise DefinitionError(f"`{fixed[0]}` is compiled into the loop: no metric has a derivative with respect to it")
 
     def worst(run: Run) -> Any:
         result = measured(run)
         return jnp.max(jnp.asarray(result))
 
     def parts(varied: Any) -> Parts:
-        # Numbers that do not depend on the values are known, and checked, during the trace.
+        # Numbers that do not depend on the values are computed, and checked, during the trace.
         with jax.ensure_compile_time_eval():
             return family.parts(templates, varied)
 
@@ -97,11 +98,11 @@ def grad(
 
 
 TRUE = ("start", "disturbance")
-"""Blocks whose values the law does not read while it runs."""
+"""Blocks of a scenario with values that the law does not know."""
 
 
 def _family(scenario: Scenario, choices: Mapping[str, list[Any]]) -> Family:
-    """The family of the values by path; the ends of a choice are checked, so that they come sorted."""
+    """Return the family of scenarios with these values, sorted: a family checks only the ends of a choice."""
     sets: dict[bool, dict[str, AbstractSet]] = {True: {}, False: {}}
     for path, choice in choices.items():
         ordered = sorted(choice, key=lambda value: np.ravel(value).tolist())
@@ -110,7 +111,7 @@ def _family(scenario: Scenario, choices: Mapping[str, list[Any]]) -> Family:
 
 
 def _by_full_path(family: Family, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The arrays by the full paths of the family, which completes short ones."""
+    """Return the arrays by full path; the family completes short paths."""
     true = [path for path in arrays if path.split(".")[0] in TRUE]
     places = dict(zip(true, family.uncertain.sets, strict=True))
     places |= dict(zip((path for path in arrays if path not in true), family.varied.sets, strict=True))
@@ -118,7 +119,7 @@ def _by_full_path(family: Family, arrays: Mapping[str, NDArray[Any]]) -> dict[st
 
 
 def _own(scenario: Scenario, path: str) -> Any:
-    """The scenario's own value at a path."""
+    """Return the scenario's own value at a path."""
     return leaf_of(scenario.description, path, scenario.controller.joints).own_value("grad").tolist()
 
 

@@ -47,7 +47,7 @@ COLUMNS = {
 
 
 def columns_of(run: Run) -> Columns:
-    """Outcome and metrics of each run, as columns with the meanings in `COLUMNS`; missing values are NaN.
+    """Return outcome and metrics of each run, as columns with the meanings in `COLUMNS`; missing values are NaN.
 
     The margin is the least over all joints. It is negative for every run that was outside, and the lower the earlier
     the run ended. Metrics are those of the worst joint.
@@ -194,12 +194,12 @@ class Cases:
         return result
 
     def batch(self, values: Values, log_every: int | None = None) -> Run:
-        """The runs of cases as one `Run`, by one compiled loop.
+        """Run cases by a single compiled loop, and return them as one `Run`.
 
-        - `values`: by path, of every path of the family.
+        - `values`: values for every path of the family.
         - `log_every`: log one in so many samples; None logs none.
 
-        Raises DefinitionError if a value is not an array of the loop.
+        Raises DefinitionError if a value cannot vary within a compiled loop.
         """
         groups = self._groups(values, len(next(iter(values.values()))))
         loop = self._loop(groups[0][1], values) if len(groups) == 1 else None
@@ -212,7 +212,7 @@ class Cases:
         return loop.simulated(values, self.threads, log_every)
 
     def _groups(self, values: Values, rows: int) -> list[tuple[NDArray[Any], tuple[Any, ...]]]:
-        """The rows of each loop, with the loop's key."""
+        """Group the rows by loop; return the indices of each group's rows, and the key of its loop."""
         if self._traceable is None:
             first = {path: array[0] for path, array in values.items()}
             templates = self._templates(first)
@@ -233,7 +233,7 @@ class Cases:
         return [(np.flatnonzero(which == k), key) for k, key in enumerate(keys)]
 
     def _loop(self, key: tuple[Any, ...], values: Values) -> _Loop | None:
-        """The loop of a group; None if its cases run singly."""
+        """Return the loop of a group; None if its cases run one by one."""
         if key in self._loops:
             return self._loops[key]
         templates = self._templates({path: array[0] for path, array in values.items()})
@@ -285,11 +285,11 @@ class _Loop:
         values: Values,
         around: Callable[[Any], AbstractController] | None = None,
     ) -> _Loop:
-        """The loop of a group.
+        """Return the loop of a group of cases.
 
         - `family`: family of the cases.
-        - `templates`: one of the cases.
-        - `values`: some values of each path that varies.
+        - `templates`: the parts of one case.
+        - `values`: values of some cases, for each path that varies within the loop.
         - `around`: as in `Cases`.
         """
         varies: list[bool] = []
@@ -323,14 +323,14 @@ class _Loop:
         return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
 
     def simulated(self, values: Values, threads: int | None, log_every: int | None) -> Run:
-        """Run the cases.
+        """Run cases, and return them as one `Run`.
 
         - `values`: values by path.
         - `threads`: threads of the native engine.
-        - `log_every`: interval between logged samples; None for no log.
+        - `log_every`: log one in so many samples; None logs none.
         """
         rows = len(next(iter(values.values()))) if values else 1
-        # Few different sizes, to compile rarely.
+        # Use few different sizes, so that arrays are compiled rarely.
         size = max(LEAST_SIZE, 1 << max(rows - 1, 0).bit_length())
         inputs = {path: np.resize(values[path], (size, *values[path].shape[1:])) for path in self.paths}
         varied = [np.asarray(leaf)[:rows] for leaf in self.arrays(inputs)] if self.paths else []
@@ -343,7 +343,7 @@ class _Loop:
 
 
 def _repeated(run: Run, rows: int) -> Run:
-    """A batch of identical runs."""
+    """Return a batch of identical runs."""
     return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x), (rows, *np.shape(x))), run)
 
 
@@ -352,11 +352,12 @@ WORDS = 4
 
 
 def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.float64]:
-    """Uniform random points [rows, dimensions]; the point of a row depends only on its number and the seed.
+    """Return uniform random points [rows, dimensions]; a row's point depends only on the row's number and the seed.
 
     Each row has a fixed position in the stream of a counter-based generator (Philox, Salmon et al. 2011).
 
     - `seed`: seed of the stream.
+    - `first`, `rows`: number of the first row, and number of rows.
     - `dimensions`: dimension of the cube.
     """
     steps = -(-max(dimensions, 1) // WORDS)
@@ -377,7 +378,7 @@ class StudyTask:
 
     @classmethod
     def of(cls, family: Family, engine: str | None = None) -> StudyTask:
-        """The task of a family; `engine` as in `simulate`, the scenario's own if None."""
+        """Return the task of a family; `engine` is as in `simulate`, or the scenario's own if None."""
         base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
         sets = [
             {path: item.model_dump(mode="json", exclude_unset=True) for path, item in space.sets.items()}
@@ -404,7 +405,7 @@ class StudyTask:
         return _cases(self.text, threads)
 
     def run(self, values: Values, threads: int | None = None) -> Columns:
-        """Return outcome and metrics of cases, also in another process.
+        """Run cases, also in another process, and return outcome and metrics of each.
 
         - `values`: values by path; the first axis is the case.
         - `threads`: threads of the native engine.

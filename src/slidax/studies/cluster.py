@@ -42,7 +42,7 @@ LOOKS = 5.0
 
 
 def _address(where: str) -> str:
-    """The address in a scheduler file or in the environment; another text is returned as it is."""
+    """Return the address in a scheduler file, or in the environment for `env`; any other text is returned as it is."""
     if where == "env":
         if ADDRESS not in os.environ:
             raise DefinitionError(f"`--cluster env` reads the scheduler's address from {ADDRESS}, which is not set")
@@ -62,11 +62,11 @@ class Cluster(AbstractPool):
     """Dask workers, each of which computes whole chunks; the results do not depend on the worker, bit for bit.
 
     - `where`: `local:2` for two local processes, or the address of a scheduler, such as `tcp://10.0.0.1:8786`, whose
-      workers must have slidax and the files that the scenario names. The address may stand in a scheduler file, such as
-      `scheduler.json`, or with `env` in the environment variable DASK_SCHEDULER_ADDRESS. A `distributed.Client` of your
-      own is used as it is, and stays open.
+      workers must have slidax and the files that the scenario names. Instead of the address, `where` may be a scheduler
+      file, such as `scheduler.json`, or `env` for the address in the environment variable DASK_SCHEDULER_ADDRESS. A
+      `distributed.Client` of your own is used as it is, and stays open.
 
-    Raises DefinitionError if Dask is not installed, there is no such address, or no scheduler answers.
+    Raises DefinitionError if Dask is not installed, `where` is invalid, or no scheduler answers.
     """
 
     def __init__(self, where: str | Client) -> None:
@@ -152,7 +152,7 @@ class Cluster(AbstractPool):
         """Yield the rows of each chunk as they become ready.
 
         - `task`: the task of the rows.
-        - `chunks`: number of the first row, and values.
+        - `chunks`: number of the first row and values by path, for each chunk.
 
         Raises DefinitionError if a chunk's workers died too often, or a worker has another version of slidax.
         """

@@ -44,7 +44,7 @@ class CompareResult(AbstractResult):
 
     @property
     def ended(self) -> str:
-        """State of the rows."""
+        """Sentence that all runs are done."""
         return all_done(self.runs)
 
     @property
@@ -53,7 +53,7 @@ class CompareResult(AbstractResult):
         return next(iter(self.tables))
 
     def difference(self, name: str, of: str) -> PairedDifference:
-        """Difference of a metric from the reference, over the cases in which both reached the end.
+        """Return a metric's difference between a scheme and the reference, over the cases that both ran to the end.
 
         - `name`: name of the scheme.
         - `of`: key of the metric.
@@ -63,11 +63,12 @@ class CompareResult(AbstractResult):
         return paired_difference(np.where(complete, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
-        """Difference from the reference in the share of cases with a property.
+        """Return the difference from the reference in the share of cases with a property.
 
-        None if the property is the envelope and a scheme has none.
+        None if the property is `envelope` and one of the two schemes has no envelope.
 
         - `name`: name of the scheme.
+        - `holds`: the property.
         """
         if not all(is_defined(holds, self.tables[each]) for each in (name, self.reference)):
             return None
@@ -76,11 +77,12 @@ class CompareResult(AbstractResult):
         return paired_shares(item, other, self.confidence)
 
     def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
-        """Number of cases without a property, and an interval for the probability of the property.
+        """Return the number of cases without a property, and an interval for the probability of the property.
 
-        None and None if the property is the envelope and the scheme has none.
+        None and None if the property is `envelope` and the scheme has no envelope.
 
         - `name`: name of the scheme.
+        - `holds`: the property.
         """
         if not is_defined(holds, self.tables[name]):
             return None, None
@@ -109,7 +111,7 @@ class CompareResult(AbstractResult):
         return self.tables[self.reference]["row"]
 
     def sections(self) -> list[Section]:
-        """Shares, means, and differences with their intervals."""
+        """Return the sections on shares of cases, means, and differences with their intervals."""
         rates: list[list[Cell]] = []
         for name in self.tables:
             for holds in self.holds:
@@ -121,7 +123,7 @@ class CompareResult(AbstractResult):
             f"Of {count_noun(len(self._cases), 'case')}; intervals at {percent(self.confidence)}; p by McNemar's "
             "exact test."
         )
-        head = ("Scheme", "Asked", "Failed", "Holds at least", "Holds at most", "p, against the first")
+        head = ("Scheme", "Requirement", "Failed", "Holds at least", "Holds at most", "p, against the first")
         result = [Section("Rates", note, head, rates)]
         others = list(self.tables)[1:]
         rows: list[list[Cell]] = []
@@ -137,11 +139,11 @@ class CompareResult(AbstractResult):
                 ends.append([np.nan if x is None else x for x in (low, item.mean, high)])
             drawn[of.replace("_", " ")] = np.array(ends)
         pictures = [
-            Chart("differences", "Differences", "Of the means, with intervals.", "intervals", (others, drawn)),
+            Chart("differences", "Differences", "Difference of means, with intervals.", "intervals", (others, drawn)),
         ]
         columns = ("Scheme", "Metric", "Pairs", "Mean", "Difference", "At least", "At most", "Median", "p, Wilcoxon")
         first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
-        note = f"Case by case, less that of {self.reference}, whose means are {first}; < 0 is better."
+        note = f"Difference from {self.reference}, case by case; < 0 is better. The means of the reference are {first}."
         return [*result, Section("Differences", note, columns, rows, pictures)]
 
     def _mean(self, name: str, of: str) -> float | None:
@@ -211,7 +213,7 @@ def _reached_end(table: Columns) -> np.ndarray:
 
 
 def _is_below(item: PairedDifference, sign: float = 1.0) -> bool:
-    """True if the interval of the mean is below 0, or with sign -1 above."""
+    """True if the interval of the mean difference is below 0; with sign -1, if it is above 0."""
     if item.of_mean is None:
         return False
     return max(sign * item.of_mean.lower, sign * item.of_mean.upper) < 0.0
@@ -243,14 +245,14 @@ class Compare(AbstractStudy):
     def _names_are_names_of_folders(cls, value: dict[str, Any]) -> dict[str, Any]:
         for name in value:
             if not name or not name.replace("-", "").replace("_", "").replace(".", "").isalnum() or name[0] == ".":
-                raise ValueError(f"`{plain_name(name)}` must be letters, digits, `-`, `_` and `.`")
+                raise ValueError(f"`{plain_name(name)}` must be letters, digits, `-`, `_` and `.`, with no `.` first")
         return value
 
     def run(self, how: RunOptions) -> CompareResult:
         holds = [Predicate(text) for text in self.holds]
         families = self._families()
         first = next(iter(families.values()))
-        self.require(bool(first.space.sets), "uncertainty", "is empty: all cases would be the same; give sets")
+        self.require(bool(first.space.sets), "uncertainty", "is empty: all cases would be equal; give sets of values")
         cases = first.space.values(points(self.seed, 0, self.runs, first.space.dimensions))
         how.begin(self.runs * len(families))
         tables: dict[str, Columns] = {}
@@ -291,7 +293,7 @@ class Compare(AbstractStudy):
         )
 
     def _families(self) -> dict[str, Family]:
-        """A family for each scheme, with the same sets: `inside envelope` means inside the first scheme's envelope."""
+        """Return a family per scheme, with the same sets; `inside envelope` refers to the first scheme's envelope."""
         base = self.described()
         sets = self.sets(base)
         result: dict[str, Family] = {}

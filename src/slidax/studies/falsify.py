@@ -22,7 +22,7 @@ from .study import NO_WORST_CASE, AbstractStudy, AbstractTableResult, Cell, Char
 MARGIN = "margin"
 
 WORSE = 1e9
-"""Value of a run that ended early in a search over a metric."""
+"""Penalty of a run that ended early, in a search over a metric."""
 
 
 class Falsify(AbstractStudy):
@@ -53,7 +53,7 @@ class Falsify(AbstractStudy):
         self.require(
             self.until is None or self.worst == MARGIN,
             "until",
-            f"is for `worst: {MARGIN}`, where 0 is the envelope's bound",
+            f"is for `worst: {MARGIN}`, where a violation is a margin < 0: leave out `until`",
         )
         evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(self.runs)
@@ -104,7 +104,8 @@ def rank_badness(columns: Columns, of: str) -> np.ndarray:
 class FalsifyResult(AbstractTableResult):
     """Result of a search for the worst case.
 
-    - `search`: the worst points of the unit cube; `rows`: numbers of their rows; `cases`: their values, by path.
+    - `search`: the worst points of the unit cube, with their values.
+    - `rows`, `cases`: row number and values by path of each worst point.
     """
 
     study: Falsify

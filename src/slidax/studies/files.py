@@ -81,7 +81,7 @@ TASK = ("scenario", "uncertain", "varied", "engine")
 
 
 def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
-    """The scenario of a row; `slidax run` replays it, bit for bit on the same machine.
+    """Return the scenario of a row; `slidax run` replays it, bit for bit on the same machine.
 
     - `folder`: a study's folder with `study.json` and `rows.parquet`.
     - `row`: number of the row.
@@ -105,7 +105,7 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
 
 
 def _value(rows: Columns, path: str, row: int) -> Array:
-    """A single value, or the array of the columns `path[0]`, `path[1]`, ..."""
+    """Return the value of a path in a row: a single number, or the array of the columns `path[0]`, `path[1]`, ..."""
     if path in rows:
         return np.asarray(rows[path][row])
     texts = {name: name[len(path) + 1 : -1] for name in rows if name.startswith(f"{path}[")}
@@ -117,7 +117,7 @@ def _value(rows: Columns, path: str, row: int) -> Array:
 
 
 def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
-    """Data frame with a row per case: values by path, outcome and metrics; pandas has the units in `attrs`.
+    """Return a data frame with a row per case: values by path, outcome and metrics. In pandas, `attrs` has the units.
 
     - `rows`: a folder or file of a study, or its columns by name, such as `result.table`.
     - `kind`: "pandas" or "polars".
@@ -129,6 +129,6 @@ def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
 
 
 def _unit(meaning: str) -> str:
-    """The unit in brackets at the end of a column's meaning."""
+    """Return the unit in brackets at the end of a column's meaning; empty without one."""
     result = re.search(r"\[([^\]]*)\]$", meaning)
     return result[1] if result else ""

@@ -30,7 +30,7 @@ class MonteCarlo(AbstractStudy):
     """Counted properties: `envelope`, or a condition such as `steady_error < 1e-3`. `until` refers to the first."""
     confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.99)
     until: UntilDescription | None = None
-    """Stops as soon as the first property is shown or has failed too often, by an anytime-valid interval."""
+    """Rule to stop early: when an anytime-valid interval shows the first property, or when it failed too often."""
 
     def run(self, how: RunOptions) -> MonteCarloResult:
         predicates = [Predicate(text) for text in self.holds]
@@ -69,7 +69,7 @@ class MonteCarlo(AbstractStudy):
         return replace(result, why=failure_reason(family, result.case(result.worst))) if every else result
 
     def values(self, family: Family, first: int, rows: int) -> Values:
-        """The values of consecutive rows.
+        """Return the values of consecutive rows, by path.
 
         - `family`: the family of scenarios.
         - `first`: number of the first row.
@@ -96,7 +96,7 @@ class Rate:
     - `holds`: the property.
     - `runs`, `failures`: number of runs and of failures.
     - `failing`: interval of the failure rate.
-    - `anytime`: True for a confidence sequence, which is valid whenever one stops; False for Clopper and Pearson's.
+    - `anytime`: True for a confidence sequence, which is valid at any stopping time; False for Clopper and Pearson's.
     """
 
     holds: str
@@ -155,23 +155,23 @@ class MonteCarloResult(AbstractTableResult):
         )
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """The worst case."""
+        """Return the worst case, by file name."""
         return {"worst": self.family.case(self.case(self.worst))}
 
     def case(self, row: int) -> dict[str, Any]:
-        """The values of a row, by path.
+        """Return the values of a row, by path.
 
         - `row`: number of the row.
         """
         return {path: array[0] for path, array in self.study.values(self.family, row, 1).items()}
 
     def sections(self) -> list[Section]:
-        """Rates, failures, metrics, and the worst case."""
+        """Return the sections on rates, failures, metrics, and the worst case."""
         rates = [
             (item.holds, item.runs, item.failures, share(item.holding.lower), share(item.holding.upper))
             for item in self.rates
         ]
-        interval = "A confidence sequence, valid whenever one stops" if self.rates[0].anytime else "Exact"
+        interval = "Confidence sequences, valid at any stopping time" if self.rates[0].anytime else "Exact intervals"
         result = [
             Section(
                 "Rates",
@@ -222,7 +222,7 @@ class MonteCarloResult(AbstractTableResult):
 
 
 def causes_of(table: Columns) -> list[tuple[str, int, int]]:
-    """Failures by outcome and joint with their numbers, the most common first.
+    """Return outcome, joint and number of failures, the most common first.
 
     - `table`: the rows.
     """

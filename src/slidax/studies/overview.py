@@ -28,7 +28,7 @@ SECONDS = 20.0
 def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -> list[Section]:
     """Return sections on metrics, on the margin over uncertain values, and on the worst case.
 
-    - `worst`, `row`: values of the worst row by path, and its number.
+    - `worst`, `row`: values by path of the worst row, and the row's number.
     """
     return [_metrics(family, table), *_margins(family, table), _worst(family, table, worst, row)]
 
@@ -39,7 +39,7 @@ def failure_reason(family: Family, worst: Mapping[str, Any]) -> str:
 
 
 def share(value: float) -> str:
-    """Format a probability with its significant digits: 0.99947, and not 1."""
+    """Format a probability with enough digits to show its distance from 0 or 1: 0.99947, and not 1."""
     near = min(value, 1.0 - value)
     if near <= 0:
         return f"{value:g}"
@@ -72,7 +72,7 @@ def _metrics(family: Family, table: Columns) -> Section:
     )
     return Section(
         "Metrics",
-        "Values of the worst joint over all runs. One run in 100 is worse than the third value.",
+        "Values of the worst joint over all runs. One run in 100 is worse than “Worst 1 %”.",
         ("Metric", "Least", "Median", "Worst 1 %", "Largest", ""),
         rows,
         [picture],
@@ -80,7 +80,7 @@ def _metrics(family: Family, table: Columns) -> Section:
 
 
 def _unit(family: Family, unit: str) -> str:
-    """The unit for the arm: of "rad or m" the one of its joints, both if it has joints of both kinds."""
+    """Return a unit such as "rad or m" as it applies to the arm's joints: "rad", "m", or both."""
     revolute, separator, prismatic = unit.partition(" or ")
     kinds = set(family.arm.joint_units)
     return unit if not separator or len(kinds) > 1 else revolute if kinds == {"rad"} else prismatic
@@ -106,13 +106,13 @@ def _margins(family: Family, table: Columns) -> list[Section]:
     if not strongest:
         return []
     shown = {_label(family, name): table[name] for name in columns if name in strongest}
-    note = f" The {len(strongest)} strongest of {len(strength)}." if len(strength) > len(strongest) else ""
-    picture = Chart("margin", "Margin", f"Over the uncertain values.{note}", "margin_over", (margin, shown))
+    note = f" The {len(strongest)} of {len(strength)} that correlate most." if len(strength) > len(strongest) else ""
+    picture = Chart("margin", "Margin", f"Over uncertain values.{note}", "margin_over", (margin, shown))
     return [Section("Dependence of the margin", "", figures=[picture])]
 
 
 def flat_names(family: Family, table: Columns) -> list[str]:
-    """Return the columns of a table that are values of cases."""
+    """Return the names of the columns with uncertain values of the cases."""
     return [name for name in table if name.partition("[")[0] in family.space.sets]
 
 

@@ -33,7 +33,7 @@ class Front:
 
 
 def non_dominated(aims: np.ndarray) -> np.ndarray:
-    """True for the rows that no other row dominates; of equal rows, only for the first [rows].
+    """Return a mask of the rows that no other row dominates; of equal rows, only the first [rows].
 
     - `aims`: objectives, lower is better, all finite [rows aims].
     """
@@ -48,7 +48,7 @@ def non_dominated(aims: np.ndarray) -> np.ndarray:
 
 
 def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
-    """Indices of selected rows of a front: the best in each objective, and others far from each other.
+    """Return the indices of selected rows of a front: the best in each objective, and others far from each other.
 
     - `aims`: objectives of the front [rows aims].
     - `most`: largest number of rows to select.
@@ -185,7 +185,7 @@ class _Archive:
         return np.asarray(self.broken <= 0.0)
 
     def scalar(self, weight: np.ndarray | None) -> np.ndarray:
-        """The scalar objective of each point for a weight vector; relative to the start for None."""
+        """Return the scalar objective of each point for a weight vector; for None, relative to the start."""
         holds = self.holds
         value = np.where(np.isfinite(self.broken), 1e6 + self.broken, np.inf)
         if holds.any():
@@ -208,7 +208,7 @@ class _Archive:
 
 
 def _weights(aims: int, least: int) -> np.ndarray:
-    """Evenly spread positive weights of sum 1 (I. Das, J. E. Dennis, SIAM J. Optim. 8, 1998) [weights aims]."""
+    """Return evenly spread positive weights of sum 1 (I. Das, J. E. Dennis, SIAM J. Optim. 8, 1998) [weights aims]."""
     if aims == 1:
         return np.ones((1, 1))
     for parts in itertools.count(1):

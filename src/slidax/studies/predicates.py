@@ -45,7 +45,7 @@ class Predicate:
         self._parsed()
 
     def holds(self, columns: Columns) -> NDArray[np.bool_]:
-        """True for each row with the property; False if the run ended early or lacks the metric.
+        """Return True for each row with the property; False if the run ended early or lacks the metric.
 
         - `columns`: outcome and metrics.
 
@@ -126,15 +126,15 @@ class SequentialStop:
     def _is_shown(self) -> bool:
         if self.until is None:
             return False
-        # So few runs can never show it, and the costly interval is not needed.
+        # So few runs can never show the property: skip the costly interval.
         if self.runs * (1.0 - self.until.probability) < 1.0:
             return False
         return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
 
     def stored(self, parts: dict[int, Columns]) -> int:
-        """Number of rows before the first missing row.
+        """Return the number of rows before the first missing row.
 
-        - `parts`: completed rows.
+        - `parts`: completed rows, by the number of their first row.
         """
         count = 0
         while count in parts:
@@ -142,7 +142,7 @@ class SequentialStop:
         return count
 
     def ended(self, runs: int) -> str:
-        """Reason for the end of the study.
+        """Return the reason for the end of the study, as a sentence.
 
         - `runs`: planned number of runs.
         """

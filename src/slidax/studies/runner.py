@@ -24,17 +24,18 @@ LEAST, MOST = 64, 8192
 
 
 def ignore_progress(rows: int) -> None:
-    """Ignore the progress."""
+    """Do nothing: the progress is not shown."""
 
 
 class AbstractPool(ABC):
-    """Computes chunks."""
+    """Base of the pools, which compute chunks of rows."""
 
     @abstractmethod
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
         """Yield the rows of each chunk as they become ready.
 
-        - `chunks`: number of the first row, and values.
+        - `task`: the task of the rows.
+        - `chunks`: number of the first row and values by path, for each chunk.
         """
 
 
@@ -100,7 +101,7 @@ class PartDone(Exception):
 
 @dataclass
 class Runner:
-    """Computes the rows of values, or reads them from the store.
+    """Simulates cases and returns their rows, or reads the rows from the store.
 
     - `task`: the task of the rows.
     - `chunk`: number of rows that are computed and stored together.
@@ -128,7 +129,7 @@ class Runner:
         return int(np.clip(2 ** round(np.log2(max(SAMPLES / max(samples, 1), 1.0))), LEAST, MOST))
 
     def rows(self, first: int, values: Values) -> Columns:
-        """Return the rows of values: the values as columns, outcome and metrics.
+        """Return a row for each case: its values, outcome and metrics, as columns.
 
         - `first`: number of the first row.
         - `values`: values by path; the first axis is the row.
@@ -149,7 +150,7 @@ class Runner:
     def stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
         """Yield the rows of each chunk as they become ready, from the store or computed.
 
-        - `chunks`: number of the first row, and values.
+        - `chunks`: number of the first row and values by path, for each chunk.
 
         Raises DefinitionError if the store has these rows with different values, and PartDone if only a part is
         computed here and rows of other parts are missing.
@@ -220,7 +221,7 @@ BELOW_ONE = np.nextafter(1.0, 0.0)
 class BatchEvaluator:
     """Evaluates points of the unit cube and keeps their rows, numbered in the order of evaluation.
 
-    - `runner`: computes the rows of values.
+    - `runner`: computes the rows.
     - `family`: family of scenarios, whose space maps points to values.
     """
 
@@ -232,11 +233,11 @@ class BatchEvaluator:
         self._values: list[Values] = []
 
     def points(self, cube: np.ndarray) -> Columns:
-        """Return the rows of points [rows, dimensions] in [0, 1]."""
+        """Run the cases at points [rows, dimensions] in [0, 1], and return their rows."""
         return self.values(self.family.space.values(np.clip(cube, 0.0, BELOW_ONE)))
 
     def values(self, values: Mapping[str, Any]) -> Columns:
-        """Return the rows of values by path; the first axis is the row."""
+        """Run the cases with values by path, whose first axis is the row, and return their rows."""
         columns = self.runner.rows(self.rows, values)
         self.rows += len(columns["row"])
         self._parts.append(columns)

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 from slidax.core.errors import DefinitionError, short_repr
 
 Stop = Literal["evaluations", "seconds", "enough", "settled"]
-"""Reason for the end of a search: its budget, its time, a value low enough, or islands that have all settled."""
+"""Reason for the end of a search: its budget, its time limit, a low enough value, or the end of all its steps."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class SearchResult:
 
 
 def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
-    """Indices of the lowest points, each at a distance from all lower ones.
+    """Return the indices of the lowest points, each at a distance from all lower ones.
 
     - `points`: points of the unit cube [points dimension].
     - `values`: their values [points].
@@ -123,10 +123,10 @@ class EvaluatedPoints:
         return np.concatenate(self._points), np.concatenate(self._values)
 
     def result(self, keep: int, distance: float, stop: Stop) -> SearchResult:
-        """The lowest points.
+        """Return the lowest points.
 
-        - `keep`: their largest number.
-        - `distance`: their smallest distance from each other.
+        - `keep`: largest number of points.
+        - `distance`: least difference of any two points in one coordinate.
         - `stop`: reason for the end of the search.
         """
         points, values = self.all
@@ -152,7 +152,7 @@ LANES = 8
 
 
 def population(dimension: int) -> int:
-    """Population size of each generation: that of CMA-ES, rounded up to full vectors.
+    """Return the number of points per generation: the default of CMA-ES, rounded up to full vectors.
 
     - `dimension`: dimension of the cube.
     """
@@ -275,7 +275,7 @@ def spread_points(dimension: int, count: int, *, seed: int) -> np.ndarray:
 
 
 def _corners(dimension: int, most: int, rng: np.random.Generator) -> np.ndarray:
-    """All corners if there are at most `most`; otherwise random ones."""
+    """Return all corners of the cube if there are at most `most`; otherwise `most` random corners."""
     if 2**dimension <= most:
         return (np.arange(2**dimension)[:, None] >> np.arange(dimension) & 1).astype(float)
     return rng.integers(0, 2, (most, dimension)).astype(float)
@@ -373,7 +373,7 @@ def _search_by_islands(
 
 
 def _distant_minimum(known: EvaluatedPoints, ended: list[np.ndarray], distance: float) -> np.ndarray:
-    """The lowest point that is distant from all settled islands; the lowest of all if there is none."""
+    """Return the lowest point that is distant from all settled islands; without one, the lowest of all points."""
     points, values = known.all
     far = np.ones(len(values), bool)
     for point in ended:

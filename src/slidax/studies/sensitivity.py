@@ -20,8 +20,8 @@ from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, 
 class SobolIndices:
     """Sobol indices of a result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
 
-    - `first`: first-order index of each group of values, its effect alone [groups].
-    - `total`: total index, the effect including interactions with other groups [groups].
+    - `first`: first-order index of each group of values, for its effect alone [groups].
+    - `total`: total index of each group, including interactions with other groups [groups].
     - `first_half`, `total_half`: half widths of their intervals [groups].
     - `confidence`: confidence of the intervals.
     - `variance`: variance of the result; if it is 0, all indices are 0.
@@ -113,7 +113,7 @@ class Sensitivity(AbstractStudy):
     in_parts: ClassVar[bool] = True
     study: Literal["sensitivity"]
     base: Annotated[int, Field(ge=2, le=2**24)] = 256
-    """A power of two; the study needs `base` times (number of shares + 2) runs."""
+    """Base of the sample size, a power of two: the study needs `base` times (number of shares + 2) runs."""
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Results: `margin`, or metrics such as `steady_error`."""
     each: Literal["path", "number"] = "path"
@@ -153,7 +153,7 @@ class Sensitivity(AbstractStudy):
 class SensitivityResult(AbstractTableResult):
     """Result of a sensitivity study.
 
-    - `names`: paths or numbers with a share.
+    - `names`: paths, or single numbers, that have a share.
     - `indices`: Sobol indices by result.
     - `missing`: for results without indices, the number of runs that lack the result.
     """
@@ -165,12 +165,12 @@ class SensitivityResult(AbstractTableResult):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Short names of the shares."""
+        """Short labels of `names`."""
         return tuple(self.family.label(name) for name in self.names)
 
     @property
     def ended(self) -> str:
-        """State of the rows."""
+        """Sentence that all runs are done, and which results have no indices."""
         without = [
             f"`{key}` is missing in {count_noun(count, 'run')} and has no indices"
             for key, count in self.missing.items()
@@ -180,8 +180,8 @@ class SensitivityResult(AbstractTableResult):
     @property
     def summary(self) -> str:
         shares = [
-            f"of `{of}` {self.labels[int(np.argmax(own.total))]} has "
-            f"{percent(min(max(float(own.total.max()), 0.0), 1.0))}"
+            f"{self.labels[int(np.argmax(own.total))]} accounts for "
+            f"{percent(min(max(float(own.total.max()), 0.0), 1.0))} of the variance of `{of}`"
             for of, own in self.indices.items()
             if own.variance > 0
         ]
@@ -197,7 +197,7 @@ class SensitivityResult(AbstractTableResult):
             values = (self.labels, own.first, own.total, (own.first_half, own.total_half))
             note = f"Shares of the variance, with the half widths of their {percent(self.study.confidence)} intervals."
             chart = Chart(f"shares-{of}", f"Shares of {of}", "Alone, and with interactions.", "variance_shares", values)
-            head = ("Uncertain", "Alone", "±", "With interactions", "±")
+            head = ("Uncertain value", "Alone", "±", "With interactions", "±")
             parts.append(Section(f"Dependence of {of}", note, head, rows, [chart]))
         return parts
 

@@ -72,7 +72,7 @@ class PairedDifference:
 
 
 def paired_difference(first: Any, second: Any, confidence: float = 0.95, *, seed: int = 0) -> PairedDifference:
-    """Statistics of `first - second`, case by case; cases without two finite values are left out.
+    """Return statistics of `first - second`, case by case; cases without two finite values are left out.
 
     - `first`, `second`: a value for each case [cases].
     - `confidence`: confidence of the intervals.
@@ -139,7 +139,7 @@ class PairedShares:
 
 
 def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedShares:
-    """Difference between the shares of true cases in the first and in the second group.
+    """Return the difference between the shares of true cases in the first and in the second group.
 
     The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b and c the numbers of
     cases that are true only for the first and only for the second:

@@ -36,7 +36,7 @@ class DamagedError(Exception):
 
 
 def read_identity(folder: Path) -> dict[str, Any]:
-    """The contents of `study.json`.
+    """Return the contents of a folder's `study.json`.
 
     Raises DefinitionError if the file is missing or damaged.
     """
@@ -50,7 +50,7 @@ def read_identity(folder: Path) -> dict[str, Any]:
 
 
 def study_of_rows(path: Path) -> str | None:
-    """The digest of the study that a file's rows belong to; None if it is missing, or the file cannot be read.
+    """Return the digest of the study that a file's rows belong to; None without one, or if the file cannot be read.
 
     - `path`: a part or `rows.parquet`.
     """
@@ -112,7 +112,7 @@ def _require_regular(path: Path, largest: int | None) -> None:
 
 
 def columns_in(table: Any) -> Columns:
-    """The columns of a pyarrow table as arrays."""
+    """Return the columns of a pyarrow table as arrays."""
     columns: Columns = {}
     for name in table.column_names:
         column = table.column(name)
@@ -123,7 +123,7 @@ def columns_in(table: Any) -> Columns:
 
 
 def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
-    """Columns as a pyarrow table.
+    """Return columns as a pyarrow table.
 
     - `columns`: columns by name.
     - `notes`: meanings of the columns, by name.
@@ -140,7 +140,7 @@ def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
 
 
 def checksum(columns: Columns) -> str:
-    """Checksum of the columns' names, types and values."""
+    """Return a checksum of the columns' names, types and values."""
     total = hashlib.sha256()
     for name, values in columns.items():
         kind = values.dtype.kind
@@ -154,7 +154,7 @@ def checksum(columns: Columns) -> str:
 
 
 def digest_of(identity: Mapping[str, Any]) -> str:
-    """Digest of a study, from everything that determines its rows.
+    """Return the digest of a study, from everything that determines its rows.
 
     - `identity`: the contents of `study.json`; `made_by` is ignored.
     """
@@ -246,7 +246,7 @@ class Store:
             )
 
     def _require_no_foreign_rows(self, path: Path) -> None:
-        """Without a readable `study.json`, use the digests in the files of rows."""
+        """Raise DefinitionError if a file of rows has another study's digest; used without a readable `study.json`."""
         for rows in (self.folder / ROWS, *(part for _, _, part in _parts_in(self._parts))):
             digest = study_of_rows(rows)
             if digest is not None and digest != self.digest:
@@ -315,7 +315,7 @@ class Store:
         return path
 
     def _tables(self, rows: int) -> Iterator[Any]:
-        """The tables of the parts in order, up to the first missing row."""
+        """Yield the tables of the parts in order, up to the first missing row."""
         # If a study was extended, its former last chunk exists in two lengths: use the longer one.
         parts = sorted(_parts_in(self._parts), key=lambda part: (part[0], -part[1]))
         expected = 0
@@ -353,7 +353,7 @@ class Store:
 
 
 def count_rows(folder: Path) -> int:
-    """Number of rows in the parts of a study, including those of its schemes.
+    """Return the number of rows in the parts of a study, including those of its schemes.
 
     - `folder`: folder of the study; it may be missing.
     """
@@ -367,7 +367,7 @@ def count_rows(folder: Path) -> int:
 
 
 def missing_rows(folder: Path, rows: int) -> list[range]:
-    """Rows of a study that none of its parts has, as ranges in order.
+    """Return the rows of a study that none of its parts has, as ranges in order.
 
     - `folder`: folder of the study, or of a scheme of a comparison; it may be missing.
     - `rows`: number of rows of the study.
@@ -406,7 +406,7 @@ def _is_free(folder: Path) -> bool:
 
 
 def _parts_in(folder: Path) -> Iterator[tuple[int, int, Path]]:
-    """First row, number of rows, and path of each part in a folder; other files are skipped."""
+    """Yield the first row, number of rows, and path of each part in a folder; other files are skipped."""
     for path in folder.glob("*.parquet"):
         match = _PART.fullmatch(path.name)
         if match is not None:

@@ -24,7 +24,7 @@ from .statistics import Interval
 from .store import Store
 
 NO_WORST_CASE: dict[str, Any] = {"row": None, "margin": None, "scenario": None}
-"""The worst case of a study without one."""
+"""Worst case in the JSON of a study that has none."""
 
 Cell: TypeAlias = str | float | int | None
 """Text or a number of a table; None is shown as a dash."""
@@ -47,7 +47,7 @@ class Chart:
 
     - `name`: name of its file, without suffix.
     - `title`, `caption`: texts next to it.
-    - `kind`: the function of `slidax.report.figures` that draws it; `values`: its arguments.
+    - `kind`, `values`: the function of `slidax.report.figures` that draws the chart, and its arguments.
     """
 
     name: str
@@ -168,8 +168,8 @@ class RunOptions:
     - `out`: folder for the rows; None keeps them in memory.
     - `resume`: True to continue with the rows in `out`.
     - `pool`: computes the rows.
-    - `begin`: called with the largest number of rows.
-    - `progress`: called with the number of new rows.
+    - `begin`: called once, with the largest number of rows that the study can need.
+    - `progress`: called with the number of new rows, after each chunk.
     - `made_by`: software and machine, recorded in the folder.
     - `part`: the chunks to compute here, in a folder shared with other processes; None for all.
     """
@@ -189,7 +189,7 @@ class AbstractStudy(AbstractDescription):
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
     """Fields that determine the rows' values, in addition to the scenario and its sets."""
     in_parts: ClassVar[bool] = False
-    """True if the values of all rows are known in advance, so that processes can share them."""
+    """True if the values of all rows are known in advance, so that several processes can share the rows."""
     study: Any
     title: str = ""
     """Title in one line."""
@@ -198,11 +198,11 @@ class AbstractStudy(AbstractDescription):
     changes: dict[str, Any] = Field(default={})
     """Values of the scenario by path, as with `--set`."""
     uncertainty: Uncertainty = Field(default={})
-    """Sets by path, in addition to those of the scenario."""
+    """Sets of uncertain values by path, in addition to the scenario's sets."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Seed of the random cases."""
     engine: Literal["auto", "native", "xla", "cuda"] | None = None
-    """Engine; by default the scenario's own."""
+    """Engine that simulates; by default the scenario's own."""
 
     @abstractmethod
     def run(self, how: RunOptions) -> AbstractResult:
@@ -212,7 +212,7 @@ class AbstractStudy(AbstractDescription):
         """
 
     def described(self) -> ScenarioDescription:
-        """The scenario with its changes."""
+        """Return the scenario's description with the study's changes."""
         with locate_errors("scenario"):
             base = read_description(self.scenario)
         if not self.changes:
@@ -221,16 +221,16 @@ class AbstractStudy(AbstractDescription):
             return alter_description(base, self.changes)
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """All sets of uncertain values.
+        """Return all sets of uncertain values, by path.
 
         - `base`: the scenario.
         """
         return {**base.uncertainty, **self.uncertainty}
 
     def family(self, varied: dict[str, AbstractSet] | None = None) -> Family:
-        """The family of scenarios that the study runs.
+        """Return the family of scenarios that the study runs.
 
-        - `varied`: sets of values that the law also knows.
+        - `varied`: sets of further values, by path, which the law also knows.
 
         Raises DefinitionError, with the path, if a set is empty or a value is out of range.
         """
@@ -274,6 +274,7 @@ class AbstractStudy(AbstractDescription):
     def require(self, holds: bool, where: str, message: str) -> None:
         """Raise DefinitionError at a field unless a condition holds.
 
+        - `where`: path of the field.
         - `message`: the rule and the value.
         """
         if not holds:

@@ -21,7 +21,7 @@ from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Sectio
 MOST_AXES = 2
 
 MOST_ROWS = 20
-"""Rows of the table on the page; the file has all."""
+"""Largest number of rows in the table of the page; the file has all points."""
 
 
 class Sweep(AbstractStudy):
@@ -32,11 +32,11 @@ class Sweep(AbstractStudy):
     over: Annotated[Uncertainty, Field(min_length=1, max_length=MOST_AXES)]
     """Sets by path of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""
     law: Literal["told", "not told"] = "told"
-    """`told`: the law knows the swept values of arm, drives and sensors, as with `--set`."""
+    """`told`: the law knows the swept values of arm, drives and sensors, as with `--set`; `not told`: it does not."""
     points: Annotated[int, Field(ge=2, le=1000)] = 21
     """Number of values of each parameter, from end to end of its set; a `choice` has its own."""
     of: str = "margin"
-    """Mapped quantity: `margin`, or a metric such as `steady_error`; the worst of all cases."""
+    """Mapped quantity: `margin`, or a metric such as `steady_error`; each point has the value of its worst case."""
     cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
     """Number of random cases, the same at each point; 1 for the scenario's own values without uncertainty."""
 
@@ -48,7 +48,7 @@ class Sweep(AbstractStudy):
         self.require(
             self.cases == 1 or bool(others),
             "cases",
-            "needs a scenario with `uncertainty` in addition to `over`",
+            "needs a scenario with `uncertainty` for other values than those in `over`",
         )
         grid = np.meshgrid(*[np.arange(len(axis)) for axis in over.values()], indexing="ij")
         shape = grid[0].shape
@@ -68,7 +68,7 @@ class Sweep(AbstractStudy):
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
-        """The family of scenarios, with swept values that the law knows or not, by `law`."""
+        """Return the family of scenarios; by `law`, the law knows the swept values or not."""
         base = self.described()
         own = self.sets(base) if self.cases > 1 else {}
         hidden = {path: own for path, own in self.over.items() if self._is_hidden(path)}
@@ -80,9 +80,9 @@ class Sweep(AbstractStudy):
 
 
 def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndarray:
-    """Values of a parameter: those of a choice, or from end to end by its distribution."""
+    """Return the values of a parameter: those of a choice, or from end to end of its distribution."""
     space = family.space
-    # The full path of the family; the file may abbreviate it.
+    # The full path in the family: the study file may abbreviate it.
     full = next((known for known in space.sets if space.sets[known] is values), path)
     if space.widths[full] != 1:
         raise DefinitionError(
@@ -111,12 +111,12 @@ class SweepResult(AbstractTableResult):
 
     @property
     def ended(self) -> str:
-        """State of the rows."""
+        """Sentence that all runs are done."""
         return all_done(self.runs)
 
     @property
     def worst(self) -> np.ndarray:
-        """The least margin, or the largest value of a metric, at each point [values of each parameter]."""
+        """The least margin, or the largest value of a metric, at each point; array of `shape`."""
         numbers = self.table[self.study.of].reshape(*self.shape, -1)
         if self.study.of == "margin":
             bad = self.table["outcome"].reshape(numbers.shape) > 0
@@ -126,7 +126,7 @@ class SweepResult(AbstractTableResult):
 
     @property
     def failing(self) -> np.ndarray:
-        """The share of cases that left their envelope or ended early, at each point."""
+        """The share of cases that left their envelope or ended early, at each point; array of `shape`."""
         return np.asarray((self.table["outcome"] > 0).reshape(*self.shape, -1).mean(axis=-1))
 
     @property
@@ -141,7 +141,7 @@ class SweepResult(AbstractTableResult):
     def sections(self) -> list[Section]:
         axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
         is_margin = self.study.of == "margin"
-        caption = "The worst of all cases." if self.study.cases > 1 else "A single case."
+        caption = "The worst case at each point." if self.study.cases > 1 else "A single case."
         label = ("least " if is_margin else "largest ") + self.study.of.replace("_", " ")
         maps = [Chart("map", label, caption, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
         if self.study.cases > 1:

@@ -33,7 +33,7 @@ class CaseEvaluator:
     - `evaluator`: runs the rows.
     - `gains`: maps points to gains.
     - `cases`: values by path of each case.
-    - `aims`: keys of the metrics to minimise, as means over the cases.
+    - `aims`: keys of the metrics whose means over the cases are minimised.
     - `holds`: properties that must hold in every case.
     - `margin`: least margin required in every case.
     """
@@ -60,14 +60,14 @@ class CaseEvaluator:
         return len(next(iter(self.cases.values()))) if self.cases else 1
 
     def judge(self, cube: np.ndarray) -> FrontEvaluation:
-        """The objectives and constraint violations of candidates.
+        """Return the objectives and constraint violations of candidates.
 
         - `cube`: candidates [candidates gains], in [0, 1].
         """
         return evaluate_aims(self.rows(cube, self.cases), self.each, self.aims, self.holds, self.margin)
 
     def rows(self, cube: np.ndarray, cases: Values) -> Columns:
-        """The rows of each candidate on each case, candidate by candidate.
+        """Run each candidate on each case, and return the rows candidate by candidate.
 
         - `cube`: candidates [candidates gains], in [0, 1].
         - `cases`: values by path of each case.
@@ -105,7 +105,9 @@ def evaluate_aims(
 
 
 def point_of_own_values(space: Space) -> np.ndarray:
-    """The point of the cube with the scenario's own values, or the nearest; 0.5 for a gain without an own value.
+    """Return the point of the unit cube for the scenario's own gains, or the nearest point [dimensions].
+
+    The coordinates of a gain without a value in the scenario are 0.5.
 
     - `space`: a space whose values increase with their coordinates.
     """
@@ -139,7 +141,7 @@ def _most(numbers: np.ndarray, each: int) -> np.ndarray:
 
 
 def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
-    """The rows `first` to `last`, exclusive, of a table; all from `first` on if `last` is None."""
+    """Return the rows `first` to `last`, exclusive, of a table; all from `first` on if `last` is None."""
     return {name: array[first:last] for name, array in columns.items()}
 
 
@@ -162,7 +164,8 @@ class Candidate:
 class TuneResult(AbstractResult):
     """Result of a search for gains.
 
-    - `aims`, `holds`, `confidence`, `seed`, `base`: as in `Tune`; `base` is the scenario.
+    - `aims`, `holds`, `confidence`, `seed`: as in `Tune`.
+    - `base`: description of the scenario with the current gains.
     - `front`: the Pareto front, with objectives on the training cases.
     - `gains`: gains of each candidate on the front, by path.
     - `before`: objectives of the current gains on the training cases.
@@ -198,13 +201,13 @@ class TuneResult(AbstractResult):
 
     @property
     def ended(self) -> str:
-        """State of the rows."""
+        """Sentence on how many candidates hold in all training cases."""
         if not len(self.gains):
             return f"none of {self.front.evaluations} candidates holds in all cases"
         return f"{self.front.holding} of {self.front.evaluations} candidates hold in all cases"
 
     def rows(self, index: int | None) -> Columns:
-        """The rows on the held-out cases.
+        """Return the rows of a candidate on the held-out cases.
 
         - `index`: index of a candidate on the front; None for the current gains.
         """
@@ -214,9 +217,9 @@ class TuneResult(AbstractResult):
         return rows_of(self.held_out, index * each, (index + 1) * each)
 
     def judged(self, index: int | None) -> Candidate:
-        """Return the score of gains on the held-out cases.
+        """Return the score of a candidate on the held-out cases.
 
-        - `index`: index of a candidate on the front; None for the current gains.
+        - `index`: index of the candidate on the front; None for the current gains.
         """
         rows = self.rows(index)
         held = np.ones(len(rows["row"]), bool)
@@ -232,10 +235,10 @@ class TuneResult(AbstractResult):
         )
 
     def difference(self, index: int, aim: str) -> PairedDifference:
-        """Difference of an objective from the current gains, case by case.
+        """Return an objective's difference between a candidate and the current gains, case by case.
 
         - `index`: index of the candidate on the front.
-        - `aim`: key of a metric.
+        - `aim`: key of the objective's metric.
         """
         return paired_difference(self.rows(index)[aim], self.today[aim], self.confidence, seed=self.seed)
 
@@ -247,24 +250,25 @@ class TuneResult(AbstractResult):
     @property
     def summary(self) -> str:
         if self.best is None:
-            return f"No gains were found: {self.ended}."
+            return f"No gains satisfy all properties: {self.ended}."
         now, then = self.judged(self.best), self.judged(None)
-        text = [f"{aim} {now.aims[aim] / then.aims[aim]:.3g} times" for aim in self.aims if then.aims[aim] > 0]
+        text = [f"{now.aims[aim] / then.aims[aim]:.3g} times the {aim}" for aim in self.aims if then.aims[aim] > 0]
         failed = f"{now.failures} of {now.runs} held-out cases fail, with today's gains {then.failures}"
-        return f"The best gains have {', '.join(text)} today's on held-out cases; {failed} ({self.ended})."
+        compared = f"the best gains have {', '.join(text)} of today's gains; " if text else ""
+        return f"On held-out cases {compared}{failed} ({self.ended})."
 
     @property
     def _names(self) -> list[str]:
         return [f"front-{index + 1}" for index in range(len(self.gains))]
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """The scenario with the best gains, and with those of the front."""
+        """Return the scenario with the best gains, and with each candidate's gains, by file name."""
         built = [alter_description(self.base, gains) for gains in self.gains]
         best = {} if self.best is None else {"best": built[self.best]}
         return {**best, **dict(zip(self._names, built, strict=True))}
 
     def sections(self) -> list[Section]:
-        """The front on held-out cases, its gains, and the difference between the best and the current gains."""
+        """Return the sections on the front, its gains, and the difference between the best and the current gains."""
         indices: list[int | None] = [None, *range(len(self.gains))]
         judged = {index: self.judged(index) for index in indices}
         names = {index: "today" if index is None else self._names[index] for index in indices}
@@ -292,15 +296,22 @@ class TuneResult(AbstractResult):
         values = [
             [names[index], *(_short(self.gains[index][path]) for path in paths)] for index in range(len(self.gains))
         ]
-        result.append(Section("Its gains", "By the end of their path.", ("Gains", *distinct_ends(paths)), values))
+        result.append(
+            Section(
+                "Gains of the front",
+                "A column is named by the end of its path.",
+                ("Gains", *distinct_ends(paths)),
+                values,
+            )
+        )
         differences = []
         for aim in self.aims:
             item = self.difference(self.best, aim)
             low, high = (item.of_mean.lower, item.of_mean.upper) if item.of_mean else (None, None)
             differences.append([aim, item.mean, low, high, item.p_value])
         note = f"Case by case on held-out cases, with {percent(self.confidence)} intervals; < 0 is better than today."
-        head = ("Aim", "Difference", "At least", "At most", "p, Wilcoxon")
-        return [*result, Section("The best compared with today", note, head, differences)]
+        head = ("Objective", "Difference", "At least", "At most", "p, Wilcoxon")
+        return [*result, Section("The best gains compared with today's", note, head, differences)]
 
     def as_json(self) -> dict[str, Any]:
         front = [self._candidate_as_json(index) for index in range(len(self.gains))]
@@ -343,7 +354,7 @@ def _label(aim: str) -> str:
 
 
 def distinct_ends(paths: Sequence[str]) -> list[str]:
-    """The shortest end of each path, in whole words, that no other path has."""
+    """Return the shortest end of each path, in whole words, that no other path has."""
     words = [path.split(".") for path in paths]
 
     def shared(end: list[str]) -> bool:
@@ -379,7 +390,7 @@ class Tune(AbstractStudy):
         "least margin in every training case, as a reserve for other cases", "", "[0, 1)", default=0.0
     )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
-    """Number of training cases; one without uncertainty."""
+    """Number of training cases; without uncertainty there is a single case."""
     candidates: Annotated[int, Field(ge=1, le=10_000_000)] = 600
     """Largest number of candidates."""
     seconds: float | None = input_field(
@@ -426,7 +437,7 @@ class Tune(AbstractStudy):
         )
 
     def _cases(self, family: Family) -> tuple[Values, Values]:
-        """Training cases and held-out cases."""
+        """Return the values by path of the training cases and of the held-out cases."""
         space = family.uncertain
         if not space.sets:
             return {}, {}
@@ -441,7 +452,7 @@ class Tune(AbstractStudy):
         return len(next(iter(cases.values()))) if cases else 1
 
     def _today(self, how: RunOptions, known: Values, unseen: Values) -> Columns:
-        """Rows of the current gains on all cases."""
+        """Run the current gains on all cases, and return the rows."""
         family = self.family()
         runner = self.runner(family, replace(how, out=None if how.out is None else Path(how.out, "today")))
         both = {path: np.concatenate([known[path], unseen[path]]) for path in known}

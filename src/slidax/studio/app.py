@@ -42,7 +42,7 @@ POLICY = (
 
 
 def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
-    """The page for a `manifest`, and its security policy: only its own scripts, and requests only to the studio."""
+    """Return the page for a `manifest`, and its security policy: only own scripts, and requests only to the studio."""
     nonce = secrets.token_urlsafe(18)
     text = page_text(
         manifest,
@@ -63,7 +63,7 @@ def _source(name: str) -> str:
 
 
 class _Scripts(HTMLParser):
-    """Finds the positions of script elements; text within scripts does not count."""
+    """Finds the positions of script elements in a page; text inside scripts is not searched."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ def _with_nonce(text: str, nonce: str) -> str:
 
 
 DEFAULT = "example-4.1-1khz"
-"""Scenario of the page before it has sent the token."""
+"""Scenario that the page shows until it has sent the token."""
 
 YAML = (".yaml", ".yml")
 
@@ -101,7 +101,7 @@ KINDS = {
     ".png": "image/png",
     ".json": "application/json",
 }
-"""Content types of results; other files are plain text or downloads."""
+"""Content types of results by ending; other files are plain text or downloads."""
 
 PLAIN = (".yaml", ".yml", ".csv", ".md", ".c", ".h", ".txt", ".jsonl", ".urdf", ".xml", ".mjcf")
 
@@ -143,7 +143,7 @@ class Studio:
         self.jobs: Jobs
 
     def app(self, *, port: int, token: str) -> Starlette:
-        """The Starlette application for a server at `port`; its page sends the `token`."""
+        """Return the Starlette application for a server at `port`, whose page sends the `token`."""
         routes = [
             Route("/", self._checked(self._page), methods=["GET"]),
             Route("/results/{key}/{name:path}", self._checked(self._results), methods=["GET"]),
@@ -175,7 +175,7 @@ class Studio:
         await asyncio.gather(self.jobs.close(), self.bench.close(), self.compiler.close())
 
     def _checked(self, answer: Handler) -> Handler:
-        """Turn exceptions into an error message and a status."""
+        """Return a handler that answers an exception by its message, with an HTTP status."""
 
         async def checked(request: Request) -> Response:
             try:
@@ -204,7 +204,7 @@ class Studio:
         return Response(text, headers={"content-security-policy": policy}, media_type="text/html")
 
     async def _first(self) -> dict[str, Any]:
-        """The playground of a built-in scenario, without a token; the page requests the user's own with it."""
+        """Return the manifest of a built-in scenario, which needs no token; the page requests others with the token."""
         if self._manifest is None:
             answer, _ = await self.bench.ask({"name": DEFAULT, "do": "manifest"})
             if "manifest" not in answer:
@@ -280,7 +280,7 @@ class Studio:
         return JsonAnswer(self.jobs.shown(job))
 
     async def _results(self, request: Request) -> Response:
-        """A file of a job, as a page without an origin, for requests with the job's key."""
+        """Answer a request that has a job's key by a result file of this job, as a page without an origin."""
         job, name = self.jobs.of_key(request.path_params["key"]), request.path_params["name"]
         out = job.command.out
         if not out or not (name == out or name.startswith(f"{out}/")):

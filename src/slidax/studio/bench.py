@@ -84,7 +84,7 @@ class Bench:
         }
 
     def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to a `request`, or an error, and bytes; its field `do` selects the question."""
+        """Return the answer or error for a `request`, and binary data; the field `do` has the kind of question."""
         with warnings.catch_warnings(record=True) as recorded:
             warnings.simplefilter("always")
             try:
@@ -153,7 +153,7 @@ class Bench:
         return {"part": json.loads(json.dumps(part, default=str))}, b""
 
     def _scenario(self, request: dict[str, Any]) -> Any:
-        """A built-in scenario by `name`, a file by `path`, or a `text` instead of the file; with `changes` by path."""
+        """Build the scenario of a request: built in by `name`, a file by `path`, or a `text`; apply its `changes`."""
         from slidax.scenarios.load import load, parse
         from slidax.scenarios.yaml_text import read_yaml
 
@@ -177,7 +177,7 @@ class Bench:
 
 
 def _messages(recorded: list[warnings.WarningMessage]) -> list[str]:
-    """Warnings that concern the user."""
+    """Return the messages of slidax's own warnings, sorted and without repetitions."""
     return sorted({str(warning.message) for warning in recorded if issubclass(warning.category, DefinitionWarning)})
 
 
@@ -202,7 +202,7 @@ if TYPE_CHECKING:
 
 
 def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[str, Any], bytes]:
-    """The head of a result, and its signals as bytes: 64-bit numbers, a row for each logged sample.
+    """Return the head of a result, and its signals as bytes: 64-bit floats, signal by signal, a row per logged sample.
 
     - `run`, `scenario`: a run with a log, and its scenario.
     - `milliseconds`: computing time.
@@ -236,7 +236,7 @@ def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[s
 
 
 def _bounds(run: Run, scenario: Scenario) -> tuple[np.ndarray, np.ndarray] | None:
-    """The scheme's own envelope, or otherwise the scenario's tolerance band; None without both."""
+    """Return the bounds of the scheme's envelope, or else of the scenario's tolerance band; None without either."""
     log = run.log
     assert log is not None
     if log.envelope is not None:

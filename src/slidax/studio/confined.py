@@ -32,7 +32,7 @@ ENTRIES: dict[str, tuple[tuple[int, int], ...]] = {
     "os.link": ((0, 2), (1, 3)),
     "os.symlink": ((1, 2),),
 }
-"""Audit events that change a folder: argument positions of each path and of the open folder it is relative to."""
+"""Audit events that change a folder: argument positions of each path and of the open folder to which it is relative."""
 
 CONTENTS: dict[str, tuple[int, int | None]] = {
     "os.truncate": (0, None),
@@ -43,26 +43,26 @@ CONTENTS: dict[str, tuple[int, int | None]] = {
     "os.setxattr": (0, None),
     "os.removexattr": (0, None),
 }
-"""Audit events that change a file: argument positions of its path or descriptor, and of an open folder."""
+"""Audit events that change a file: argument positions of its path or descriptor, and of the open folder."""
 
 WITHOUT_EVENT = ("mkfifo", "mknod")
 """Functions that create files without an audit event."""
 
 NAMES = ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr", "socket.getnameinfo")
-"""Events that send a name to the network."""
+"""Audit events that send a host name to the network."""
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 def readable_folders() -> list[Path]:
-    """Folders of Python, its packages and the system."""
+    """Return the folders of Python, its packages and the system, which a confined process may read."""
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *site.getsitepackages()]
     paths = [*python, *(path for path in sys.path if path and os.path.isdir(path)), *SYSTEM]
     return _real(paths)
 
 
 def writable_folders(root: Path, scratch: Path) -> list[Path]:
-    """The studio's folder `root`, the folder `scratch` of this process, and the caches of slidax and matplotlib."""
+    """Return the folder `root`, the process's folder `scratch`, the caches of slidax and matplotlib, and devices."""
     from platformdirs import user_cache_path
 
     caches = [user_cache_path("slidax"), user_cache_path("matplotlib")]
@@ -85,7 +85,7 @@ class Watch:
         self._read = (*self._write, *(str(path) for path in read))
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Check an `event` with its `arguments`; raise PermissionError if it is outside."""
+        """Raise PermissionError if an `event` with its `arguments` accesses anything outside the allowed folders."""
         if event == "open":
             path, mode, flags = arguments
             writes = (isinstance(mode, str) and any(letter in mode for letter in "wax+")) or bool((flags or 0) & WRITES)
@@ -148,7 +148,7 @@ class Watch:
 
 
 def _absolute(path: Any, folder: int) -> str:
-    """Absolute form of a path relative to an open folder; a descriptor below 0 stands for the current folder."""
+    """Return the absolute path of a path relative to an open folder; a descriptor below 0 is the current folder."""
     text = os.fsdecode(path)
     if folder < 0 or os.path.isabs(text):
         return os.path.join(os.getcwd(), text)
@@ -159,7 +159,7 @@ def _absolute(path: Any, folder: int) -> str:
 
 
 def _path_of(handle: int) -> str | None:
-    """The path of an open file or folder; None for pipes, sockets and memory, or if unknown."""
+    """Return the path of an open file or folder; None for pipes, sockets and memory, or if unknown."""
     try:
         if sys.platform == "darwin":
             import fcntl
@@ -195,7 +195,7 @@ def confine(root: Path, scratch: Path) -> bool:
 
 
 def main() -> None:
-    """Entry point of the process."""
+    """Confine this process, then call the `main` of the module in its arguments."""
     # An interrupt ends the process without a traceback; a job that can save its results sets its own handler.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     root, scratch, module, *arguments = sys.argv[1:]
@@ -206,7 +206,7 @@ def main() -> None:
 
 
 CREATE, ADD, RESTRICT = 444, 445, 446
-"""System call numbers of Landlock, the same on all processors."""
+"""System call numbers of Landlock, equal on all CPU architectures."""
 
 VERSION, BENEATH, NO_NEW_PRIVILEGES = 1, 1, 38
 

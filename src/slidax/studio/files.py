@@ -33,7 +33,7 @@ class OutsideError(DefinitionError):
 
 
 def parts_of(name: str) -> tuple[str, ...]:
-    """The parts of a `name` with `/` between folders and file.
+    """Return the parts of a file `name`, which has `/` between folders and file.
 
     Raises OutsideError if the name is absolute, leads upwards, is hidden, or is not portable between systems.
     """
@@ -67,7 +67,7 @@ DEEPEST = 6
 """Largest nesting depth in a listing."""
 
 BY_DESCRIPTOR = os.open in os.supports_dir_fd
-"""True if the system can open files relative to an open folder, which nobody can swap meanwhile."""
+"""True if the system can open files relative to an open folder, so that nobody can replace the folder meanwhile."""
 
 _FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | os.O_RDONLY
 _FILE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
@@ -98,14 +98,14 @@ class Folder:
             raise DefinitionError(f"`{plain_name(str(root))}` is not a folder")
 
     def resolve(self, name: str) -> Path:
-        """The path of a file by its `name` from a browser, with links resolved.
+        """Return the path of a file by its `name` from a browser, with links resolved.
 
         Raises OutsideError if the file is not below the folder.
         """
         return self.beneath(self.root.joinpath(*parts_of(name)), name)
 
     def beneath(self, path: Path, name: str) -> Path:
-        """Resolve the links of a `path`; `name` is for messages.
+        """Return a `path` with links resolved; `name` is for messages.
 
         Raises OutsideError if the path is not below the folder.
         """
@@ -118,17 +118,17 @@ class Folder:
         return real
 
     def read(self, name: str, most: int) -> bytes:
-        """Read a file by its `name` from a browser, at most `most` bytes.
+        """Return the content of a file by its `name` from a browser, at most `most` bytes.
 
-        Raises OutsideError if it is not below the folder, DefinitionError if it is not a file, too large, or missing.
+        Raises OutsideError if it is not below the folder, DefinitionError if it is not a file, or too large or missing.
         """
         require_ending(name, READ)
         return self.content(self.resolve(name), name, most)
 
     def content(self, path: Path, name: str, most: int) -> bytes:
-        """Read a file by its resolved `path`, at most `most` bytes; `name` is for messages.
+        """Return the content of a file by its resolved `path`, at most `most` bytes; `name` is for messages.
 
-        Raises DefinitionError if it is not a file, too large, missing, or a link by now.
+        Raises DefinitionError if it is not a file, is too large or missing, or was replaced by a link.
         """
         with _refusals_as_sentences(name), self._opened(path, os.O_RDONLY | _AT_ONCE) as handle:
             about = os.fstat(handle)
@@ -143,7 +143,7 @@ class Folder:
         return content
 
     def write(self, name: str, content: bytes, before: str | None = None) -> str:
-        """Write a file atomically, and return its mark.
+        """Write a file atomically, and return its mark, a digest of its content.
 
         - `name`: name from a browser.
         - `before`: expected mark of the existing file; None for a new file.
@@ -184,7 +184,7 @@ class Folder:
             return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
     def listing(self, folder: str = "") -> list[FileEntry]:
-        """Files below a `folder` (default: all), without hidden files, links, and Python or Node environments."""
+        """Return the files below a `folder` (default: all); not hidden files, links, Python and Node environments."""
         top = self.resolve(folder) if folder else self.root
         entries: list[FileEntry] = []
         for parent, folders, files in os.walk(top):
@@ -251,7 +251,7 @@ class Folder:
 
 
 def mark_of(content: bytes) -> str:
-    """A digest of the `content` of a file."""
+    """Return the mark of a file, a digest of its `content`."""
     return hashlib.sha256(content).hexdigest()[:32]
 
 
@@ -260,7 +260,7 @@ def _is_visible(name: str) -> bool:
 
 
 def _sibling(path: Path, name: str, parent: int | None) -> str:
-    """A `name` in the folder of `path`, relative to the open folder `parent` if there is one."""
+    """Return the path of a `name` next to `path`, relative to the open folder `parent` if there is one."""
     return name if parent is not None else str(path.parent / name)
 
 

@@ -28,7 +28,7 @@ ALWAYS = {
 """Headers of every answer."""
 
 NOTHING = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-"""Default content security policy."""
+"""Content security policy of answers that do not set their own."""
 
 
 class Guard:
@@ -71,7 +71,7 @@ class Guard:
             return 403, "the request comes from another page"
         path: str = scope["path"]
         if not path.startswith("/api/"):
-            return None if scope["method"] in ("GET", "HEAD") else (405, "this is read-only")
+            return None if scope["method"] in ("GET", "HEAD") else (405, "this address can only be read")
         if headers.get("sec-fetch-site") == "none":
             return 403, "only the studio's page may request this"
         tokens = headers.getlist(TOKEN)

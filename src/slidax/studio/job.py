@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Run the command in the first argument, unless a file that it reads refers to one outside the folder.
+    """Run the command in the first argument, unless a file that it reads refers to a file outside the studio's folder.
 
     The argument is JSON with `files` to read, `changes` by path, the `module` of the command line, its `words`, and
     `interruptible`: True if the command saves its results on interruption.

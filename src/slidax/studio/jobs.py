@@ -34,9 +34,9 @@ class JobCommand:
     """The command of a job.
 
     - `words`: arguments after `slidax`.
-    - `files`: files below the folder that it reads.
+    - `files`: files below the studio's folder that the command reads.
     - `changes`: changed values of a scenario, by path.
-    - `out`: the file or folder that it writes; empty for none.
+    - `out`: the file or folder that the command writes; empty for none.
     - `replaces`: True if `out` exists already.
     - `json`: True if the command prints JSON.
     """
@@ -50,7 +50,7 @@ class JobCommand:
 
 
 Reader = Callable[[JobCommand, Folder, Any, str], None]
-"""Adds an option of the page to a command: `(command, folder, value, name)`."""
+"""Checks an option from the page and adds it to a command: `(command, folder, value, name)`."""
 
 
 def _scenario(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
@@ -84,7 +84,7 @@ def _robot(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
 
 
 def _finished(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
-    """The folder of a run, or its .mcap file."""
+    """Add the folder or .mcap file of a finished run."""
     text = _text(value, name)
     path = folder.resolve(text)
     if not (path.is_dir() or (path.is_file() and text.endswith(".mcap"))):
@@ -201,7 +201,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], dict[str, Reader], bool]] = {
     "export-c": (("export", "c"), SCENARIO | {"out": _folder_out, "name": _named, "float": _flag}, False),
     "export-web": (("export", "web"), SCENARIO | {"with": _named, "out": _folder_out}, False),
 }
-"""For each job: the words of its command, its options in this order, and True if it prints JSON."""
+"""By kind of job: the first words of its command, its options in order, and True if the command prints JSON."""
 
 REQUIRED = ("scenario", "requirements", "robot", "log", "file", "run")
 """Options that are required in every command that has them."""
@@ -216,7 +216,7 @@ def _positional(command: JobCommand, folder: Folder, value: Any, name: str) -> N
 
 
 def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobCommand:
-    """The command of a `job` with `options` from the page; the option `replace` allows overwriting results.
+    """Return the command of a `job` with `options` from the page; the option `replace` allows overwriting results.
 
     Raises DefinitionError for unknown or invalid options, and OutsideError for a file outside the `folder`.
     """
@@ -240,10 +240,10 @@ def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobComma
 
 
 AT_ONCE, WAITING, KEPT = 2, 20, 100
-"""Largest numbers of running, waiting and remembered jobs."""
+"""Largest numbers of jobs that run at once, that wait, and that the studio remembers."""
 
 LOG, ANSWER = 64_000, 8_000_000
-"""Largest sizes of a job's log and answer on the page [bytes]."""
+"""Largest sizes of a job's log and of its answer on the page [bytes]; only the ends of longer ones are shown."""
 
 MEANING = {0: "done", 2: "refused", 3: "left its envelope", 4: "does not hold", 130: "interrupted"}
 """Meaning of exit codes; any other code means failure."""
@@ -267,8 +267,8 @@ class StudioJob:
     - `name`: identifier for the page.
     - `kind`: key in `COMMANDS`.
     - `command`: the command.
-    - `private`: the job's own folder, with its output.
-    - `state`, `code`: state, and exit code of the process.
+    - `private`: the job's private folder, with the files `out` and `log` of its output.
+    - `state`, `code`: state of the job, and exit code of its process; None before its end.
     - `begun`, `seconds`: start and duration [s].
     - `key`: secret part of the address of the results.
     - `process`, `task`: its process and its task.
@@ -327,22 +327,22 @@ class Jobs:
         return job
 
     def find(self, name: str) -> StudioJob:
-        """The job called `name`; raise LookupError if there is none."""
+        """Return the job called `name`; raise LookupError if there is none."""
         return self._jobs[name]
 
     def of_key(self, key: str) -> StudioJob:
-        """The job whose results have the key `key`; raise LookupError if there is none."""
+        """Return the job whose results have this `key`; raise LookupError if there is none."""
         for job in self._jobs.values():
             if secrets.compare_digest(job.key.encode(), key.encode("utf-8", "replace")):
                 return job
         raise LookupError(key)
 
     def all(self) -> list[dict[str, Any]]:
-        """All jobs, the newest first, without logs and answers."""
+        """Return all jobs as the page shows them, the newest first, without logs and answers."""
         return [self.shown(job, detailed=False) for job in reversed(self._jobs.values())]
 
     def shown(self, job: StudioJob, *, detailed: bool = True) -> dict[str, Any]:
-        """A `job` as the page shows it; `detailed` includes its log and answer."""
+        """Return a `job` as the page shows it; if `detailed`, with its log, answer and links to its results."""
         log = _tail(job.private / "log", LOG)
         rows = ROWS.findall(log)
         seconds = time.monotonic() - job.begun if job.state == "running" else job.seconds
@@ -428,7 +428,7 @@ class Jobs:
             return text[-LOG:]
 
     def _links(self, job: StudioJob) -> list[dict[str, str]]:
-        """Files that a job has written, with their addresses."""
+        """Return the files that a job has written, with their addresses."""
         out = job.command.out
         if not out:
             return []

@@ -1,4 +1,4 @@
-"""The playground of a scenario for the page."""
+"""Manifest of the page's playground for a scenario: arm, laws, choices and sliders."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PROGRAM = "server"
 
 
 def manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """The playground of a `scenario`."""
+    """Return the playground's manifest for a `scenario`; the server runs all its variants."""
     description = scenario.description
     joints = int(scenario.state0.q.size)
     settings = [_setting(description, scenario.scheme, scenario.scheme, "ours", joints)]
@@ -58,7 +58,9 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
 
 
 def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """The playground of a `scenario` whose own law runs in the page as WebAssembly; the server runs all other variants.
+    """Return the manifest for a `scenario` whose own law runs in the page; the server runs all other variants.
+
+    The page runs the law as WebAssembly.
 
     Raises DefinitionError if the law cannot be compiled for a page.
     """
@@ -77,7 +79,7 @@ def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
 def _other(
     description: ScenarioDescription, changes: dict[str, Any], scheme: str, title: str, kind: str, joints: int
 ) -> list[dict[str, Any]]:
-    """The setting of another scheme; empty if it does not fit the scenario."""
+    """Return the setting of another scheme as a list; empty if the scheme does not fit the scenario."""
     try:
         return [_setting(alter_description(description, changes), scheme, title, kind, joints)]
     except DefinitionError:

@@ -31,11 +31,11 @@ KEPT = (
     *("HOME", "XDG_CACHE_HOME", "USERPROFILE", "LOCALAPPDATA", "SYSTEMROOT"),
     *("JAX_PLATFORMS", "CUDA_VISIBLE_DEVICES", "OMP_NUM_THREADS"),
 )
-"""Environment variables that processes receive; others, such as keys, are withheld."""
+"""Environment variables that the processes receive; they do not get others, such as secrets."""
 
 
 def scratch() -> Path:
-    """A new private folder for the server's processes."""
+    """Create and return a private temporary folder for the server's processes."""
     return Path(tempfile.mkdtemp(prefix="slidax-studio-")).resolve()
 
 
@@ -49,7 +49,7 @@ async def start_process(
     errors: IO[bytes],
     low_priority: bool,
 ) -> Process:
-    """Start a process that is confined to the studio's folder and ends when its standard input does.
+    """Start a process that can access only the studio's folder, and that ends when its standard input ends.
 
     - `root`: the studio's folder.
     - `private`: a folder for this process, created if missing.
@@ -104,10 +104,10 @@ class OvertakenError(DefinitionError):
 
 
 class Workbench:
-    """Answers questions about scenarios by a process that keeps compiled code in memory.
+    """Answers questions about scenarios with a process that keeps compiled code in memory.
 
     - `folder`: the studio's folder.
-    - `private`: the process's own folder.
+    - `private`: private folder of the process.
     - `longest`: time limit of an answer [s].
     """
 
@@ -126,11 +126,11 @@ class Workbench:
                 await self._ready()
 
     async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
-        """Return the answer of `Bench.answer` to a `question`, with its bytes.
+        """Return the answer of `Bench.answer` to a `question`, and its binary data.
 
-        - `only_newest`: a sender; only the newest of its waiting questions is answered.
+        - `only_newest`: name of a sender. Of its waiting questions, only the newest is answered.
 
-        Raises OvertakenError for its older questions.
+        Raises OvertakenError if the sender asked a newer question in the meantime.
         """
         number = self._newest[only_newest] = self._newest.get(only_newest, 0) + 1
         async with self._turn:

@@ -1,4 +1,4 @@
-"""Check that all files to which a file refers are below the studio's folder."""
+"""Check that a file refers, directly or indirectly, only to files below the studio's folder."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .files import Folder, OutsideError
 YAML, ROBOTS = (".yaml", ".yml"), (".urdf", ".xml", ".mjcf")
 
 MOST = 32_000_000
-"""Largest file to search [bytes]."""
+"""Largest file that is searched for references [bytes]."""
 
 FILES = 100
 """Largest number of files that refer to each other."""
 
 NAMING = re.compile(r"(^|\.)(file|scenario|robot|packages|log)(\.\d+)?$")
-"""Keys, and paths of values, that name files."""
+"""Keys, and paths of values, whose values are file names."""
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
 """MJCF attributes with search folders of MuJoCo."""
@@ -65,7 +65,7 @@ class _Walk:
                 for name in _texts(value):
                     self._named(key, name, where)
             self.through(value, where)
-        # The page must not find out which meshes exist in other folders.
+        # Otherwise the page could test which mesh files exist in other folders.
         if data.get("meshes") is True and isinstance(data.get("file"), str):
             self._meshes(where / data["file"])
 
@@ -117,7 +117,7 @@ class _Walk:
         return path if path.resolve() == self._folder.root else self._folder.beneath(path, name)
 
     def _robot(self, content: bytes, path: Path) -> None:
-        """Check the files that MuJoCo opens for an MJCF file; a URDF file opens none."""
+        """Check the files that MuJoCo opens for an MJCF file; for a URDF file it opens none."""
         text = content.decode("utf-8", "replace").lstrip("\ufeff")
         if "<mujoco" not in text or "<robot" in text:
             return

@@ -42,7 +42,7 @@ class Nothing(_Request):
 
 
 class ScenarioRequest(_Request):
-    """A scenario with changed values: a built-in one by name, a file by path, or a text instead of the file."""
+    """A scenario and changes of it: a built-in one by `name`, a file by `path`, or a `text` in place of the file."""
 
     name: Name | None = None
     path: Name | None = None
@@ -64,7 +64,7 @@ class DraftRequest(_Request):
 
 
 class PartRequest(_Request):
-    """A part of the catalogue."""
+    """A part of the catalogue, by name."""
 
     name: Annotated[Name, Field(min_length=1)]
 

@@ -27,13 +27,13 @@ HEAD, BODY = 10.0, 60.0
 """Time limits for the head of a request and for the whole request [s]."""
 
 UNTRUSTED = 30.0
-"""Time limit for sending the token, unless an answer is being computed [s]."""
+"""Time limit for a connection to send the token, except while an answer is computed [s]."""
 
 MOST_UNTRUSTED = 40
-"""Largest number of untrusted connections; beyond it, the oldest is closed."""
+"""Largest number of connections that have not sent the token; above it, the oldest one is closed."""
 
 LOOK = 0.5
-"""Interval between checks of a connection [s]."""
+"""Interval between checks of a connection's time limits [s]."""
 
 
 class Connection(H11Protocol):
@@ -90,7 +90,7 @@ class Connection(H11Protocol):
 
 
 def connections(token: str) -> type[Connection]:
-    """The connection class of a server with a `token`."""
+    """Return the connection class of a server with this `token`."""
     return type("OwnConnection", (Connection,), {"token": token.encode(), "untrusted": {}})
 
 
@@ -100,7 +100,7 @@ def _has_token(scope: Any, token: bytes) -> bool:
 
 
 PORT = 8577
-"""Default port; if it is in use, a free one is taken."""
+"""Default port; if it is in use, the server takes a free port."""
 
 
 def serve(
@@ -131,7 +131,7 @@ def serve(
     address = f"http://127.0.0.1:{number}/#token={token}"
     config = uvicorn.Config(
         studio.app(port=number, token=token),
-        # There is no proxy, so nobody may claim another origin of a request.
+        # There is no proxy, so headers about another sender of a request are ignored.
         proxy_headers=False,
         server_header=False,
         access_log=False,
@@ -179,7 +179,7 @@ async def _run_server(server: uvicorn.Server, sockets: list[socket.socket], begi
 
 
 def _sockets(port: int | None) -> list[socket.socket]:
-    """Sockets on loopback at the same port, for IPv4 and, where available, IPv6."""
+    """Return loopback sockets at the same port for IPv4 and, if available, IPv6."""
     try:
         first = _listening(socket.AF_INET, "127.0.0.1", PORT if port is None else port)
     except OSError as error:

@@ -44,7 +44,7 @@ def assert_continuous(trajectory):
 
 
 @pytest.mark.parametrize("name", ["ur5e", "panda"])
-def test_a_line_is_straight_and_the_tool_turns_by_slerp(name):
+def test_line_move_is_straight_and_interpolates_orientation_by_slerp(name):
     arm, start = getattr(arms, name)(), home(name)
     pose = Pose.of_tip(arm, start)
     end = (Rotation.from_matrix(pose.rotation) * Rotation.from_rotvec([0.2, -0.3, 0.1])).as_matrix()
@@ -62,7 +62,7 @@ def test_a_line_is_straight_and_the_tool_turns_by_slerp(name):
     assert float(followed.trajectory.until) == 2.5
 
 
-def test_a_circle_returns_to_its_initial_joint_positions_also_for_redundant_arms():
+def test_full_circle_of_a_redundant_arm_ends_at_its_initial_joint_positions():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
     circle = Circle(
@@ -80,7 +80,7 @@ def test_a_circle_returns_to_its_initial_joint_positions_also_for_redundant_arms
     assert_continuous(followed.trajectory)
 
 
-def test_a_screw_rotates_the_tool_along_its_path_and_a_pause_holds_it():
+def test_screw_move_turns_and_shifts_the_tool_and_a_pause_holds_it():
     arm, start = arms.ur5e(), home("ur5e")
     pose = Pose.of_tip(arm, start)
     moves = [Screw(axis=[0, 0, -2], angle=np.pi / 2, pitch=0.2, duration=1.5), Pause(duration=0.5)]
@@ -92,7 +92,7 @@ def test_a_screw_rotates_the_tool_along_its_path_and_a_pause_holds_it():
     np.testing.assert_array_equal(followed.ends, [1.5, 2.0])
 
 
-def test_a_curve_passes_its_poses_at_their_times():
+def test_curve_passes_through_its_poses_at_the_requested_times():
     arm, start = arms.panda(), home("panda")
     pose = Pose.of_tip(arm, start)
     first, second = pose.position + np.array([0.05, 0.05, 0.0]), pose.position + np.array([0.0, 0.1, -0.05])
@@ -116,7 +116,7 @@ def test_a_curve_passes_its_poses_at_their_times():
     assert_continuous(followed.trajectory)
 
 
-def test_a_planar_arm_follows_a_path_of_positions():
+def test_planar_arm_follows_a_position_path_and_refuses_a_move_off_its_plane():
     from tests.arms.kinematics.test_inverse import PLANAR
 
     followed = follow(PLANAR, [Line(by=[-0.3, 0.2, 0.0], duration=1.0)], start=[0.3, 1.2], hold="place")
@@ -174,7 +174,7 @@ def test_impossible_moves_are_errors_with_the_reason(message, moves, more):
         follow(arms.panda(), moves, start=home("panda"), **more)
 
 
-def test_half_a_turn_is_ambiguous_and_an_error():
+def test_line_move_with_a_half_turn_is_refused_as_ambiguous():
     arm, start = arms.panda(), home("panda")
     end = Pose.of_tip(arm, start).rotation @ np.diag([-1.0, -1.0, 1.0])
     with pytest.raises(DefinitionError, match="half a turn"):
@@ -188,7 +188,7 @@ def test_a_joint_that_would_exceed_its_limit_is_named_with_time_and_position():
         follow(arm, [Screw(axis=Pose.of_tip(arm, near).rotation[:, 2], angle=1.0, duration=1.0)], start=near)
 
 
-def test_columns_come_in_any_order_and_in_their_units():
+def test_csv_of_poses_may_have_columns_in_any_order_and_in_other_units():
     read = Through.from_csv('\ufeffZ [mm],"time [ms]", X ,y [cm]\n300,0,1,20\n400,500,1.5,30\n')
     np.testing.assert_allclose(read.poses, [[1.0, 0.2, 0.3], [1.5, 0.3, 0.4]], rtol=1e-15)
     np.testing.assert_allclose(read.times, [0.0, 0.5], rtol=1e-15)
@@ -204,6 +204,6 @@ def test_columns_come_in_any_order_and_in_their_units():
         ("x [in],y,z\n1,2,3\n", r"column `x \[in\]`: the unit must be one of m, cm, mm"),
     ],
 )
-def test_invalid_tables_are_errors_that_name_the_line(text, message):
+def test_csv_of_poses_with_invalid_columns_is_refused_with_the_reason(text, message):
     with pytest.raises(DefinitionError, match=message):
         Through.from_csv(text)

@@ -20,7 +20,7 @@ SCARA = Scara(lengths=[0.4, 0.3], masses=[1.0, 1.0, 0.5])
 
 
 @pytest.mark.parametrize("name", READY)
-def test_chain_and_arm_agree_on_the_tip(name):
+def test_kinematic_chain_and_arm_model_agree_on_the_tip_pose(name):
     arm = getattr(arms, name)()
     for q in drawn(arm, 1, 3):
         rotation, place = kinematic_chain(arm).frame(q)
@@ -30,7 +30,7 @@ def test_chain_and_arm_agree_on_the_tip(name):
 
 
 @pytest.mark.parametrize("arm", [PLANAR, SCARA], ids=["two_link", "scara"])
-def test_paper_arms_agree_with_their_chain_and_reach_their_tips(arm):
+def test_tips_of_the_paper_arms_agree_with_their_chains_and_inverse_kinematics(arm):
     q = np.random.default_rng(2).uniform(0.2, 1.2, arm.joints)
     rotation, place = kinematic_chain(arm).frame(q)
     there, tip = arm.tip_frame(jnp.asarray(q))
@@ -65,14 +65,14 @@ def test_inverse_reaches_the_pose_of_a_random_posture_within_limits(name):
         assert solution.position_error < 1e-9 and solution.rotation_error < 1e-9 and solution.least_motion > 0
 
 
-def test_the_same_arguments_give_the_same_bits():
+def test_inverse_kinematics_is_deterministic_to_the_last_bit():
     arm = arms.panda()
     pose = Pose.of_tip(arm, drawn(arm, 4, 1)[0])
     first, second = (inverse(arm, pose, start=home("panda")).q for _ in range(2))
     assert first.tobytes() == second.tobytes()
 
 
-def test_redundant_arm_takes_the_preferred_posture():
+def test_posture_cost_of_a_redundant_arm_is_stationary_along_its_null_space():
     """At the posture that is solution, what is left to choose is level: along the null space the slope is 0."""
     arm = arms.panda()
     start = home("panda")
@@ -125,7 +125,7 @@ def test_unreachable_pose_is_an_error_with_the_distance():
         ('hold: must be "place"', {"start": home("panda"), "hold": "everything"}),
     ],
 )
-def test_invalid_arguments_are_errors(message, how):
+def test_invalid_start_hold_or_pose_is_refused_with_the_reason(message, how):
     arm = arms.panda()
     with pytest.raises(DefinitionError, match=message):
         inverse(arm, Pose.of_tip(arm, home("panda")), **how)

@@ -47,7 +47,7 @@ def require_bounded(robot, seed):
     return constants, sampled
 
 
-def test_constants_of_two_links_are_exact_to_a_thousandth():
+def test_inertia_bounds_of_a_two_link_arm_are_exact_within_0_1_percent():
     robot = TwoLink(lengths=[1.0, 0.8], masses=[0.5, 1.5], inertias=[5.0, 5.0], gravity_acceleration=9.8)
     constants, _ = require_bounded(robot, 0)
     mass = np.array([np.asarray(robot.mass(jnp.array([0.0, q]))) for q in np.linspace(0, np.pi, 181)])
@@ -58,7 +58,7 @@ def test_constants_of_two_links_are_exact_to_a_thousandth():
     assert constants.weight == pytest.approx([2.0 * 9.8 + 1.2 * 9.8, 1.2 * 9.8], rel=2e-2)
 
 
-def test_constants_bound_an_arm_with_a_prismatic_joint():
+def test_arm_constants_bound_sampled_dynamics_of_an_arm_with_a_prismatic_joint():
     robot = Scara(lengths=[1.0, 0.8], masses=[0.5, 1.5, 1.0])
     require_bounded(robot, 1)
 
@@ -66,12 +66,12 @@ def test_constants_bound_an_arm_with_a_prismatic_joint():
 @pytest.mark.parametrize(
     "arm", [pytest.param(panda, marks=pytest.mark.full, id="panda"), pytest.param(ur5e, id="ur5e")]
 )
-def test_constants_bound_a_built_in_arm(arm):
+def test_arm_constants_bound_sampled_dynamics_of_a_built_in_arm(arm):
     constants, sampled = require_bounded(arm(), 2)
     assert constants.inertia_max < 1.6 * sampled["largest"]
 
 
-def test_constants_of_a_gantry_with_constant_inertia_are_exact(tmp_path):
+def test_arm_constants_of_a_gantry_with_constant_inertia_are_exact(tmp_path):
     masses, parts = (8.0, 4.0, 2.0), ['<link name="l0"/>']
     for k, (mass, turn) in enumerate(zip(masses, ("0 1.5708 0", "0 -1.5708 1.5708", "1.5708 0 0"), strict=True), 1):
         parts.append(LINK.format(k=k, c="0 0 0", r="0 0 0", m=mass, i=[0.1] * 3))
@@ -108,5 +108,5 @@ def random_arm(folder, seed):
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.full) for k in range(2, 40))])
-def test_constants_bound_random_chains(tmp_path, seed):
+def test_arm_constants_bound_sampled_dynamics_of_random_chains(tmp_path, seed):
     require_bounded(random_arm(tmp_path, seed), seed)

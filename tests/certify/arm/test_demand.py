@@ -105,7 +105,7 @@ ALL = [pytest.param(name, id=name) for name in SETS] + [
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_demand_bounds_every_member(name):
+def test_lumped_disturbance_bound_holds_for_random_arms_of_the_set(name):
     base, uncertainty, changes = (SETS | SLOW)[name]
     scenario, family = with_set(load(base), uncertainty, changes)
     bounds = compute_demand(scenario, family)
@@ -150,7 +150,7 @@ def asked_of_two_links(two_links):
 
 
 @MEANT
-def test_robust_torque_fails_for_a_small_u_with_a_remedy_that_holds(two_links, asked_of_two_links):
+def test_robust_torque_certificate_fails_for_a_small_bound_and_its_remedy_holds(two_links, asked_of_two_links):
     scenario, _ = two_links
     good = robust_torque(scenario, asked_of_two_links)
     assert good.holds and good.margin > 0.5
@@ -162,12 +162,12 @@ def test_robust_torque_fails_for_a_small_u_with_a_remedy_that_holds(two_links, a
     assert enough.holds
 
 
-def test_robust_torque_does_not_apply_to_computed_torque():
+def test_robust_torque_certificate_does_not_apply_to_computed_torque():
     scenario = load("example-4.1-1khz", {"scheme.name": "computed_torque", **SHORT})
     assert robust_torque(scenario).holds is None
 
 
-def test_torque_along_the_motion_agrees_with_a_run(two_links, asked_of_two_links):
+def test_predicted_peak_torque_is_at_least_95_percent_of_the_simulated_peak(two_links, asked_of_two_links):
     scenario, _ = two_links
     run = scenario.simulate(log_every=1, progress=False)
     late = np.asarray(run.log.t) > 0.7
@@ -206,7 +206,7 @@ def test_torque_budget_fails_if_a_limit_is_reached_up_to_the_end():
     assert "up to the end" in verdict.statement
 
 
-def test_largest_share_of_zero_bounds_is_infinite_or_zero():
+def test_uncertainty_share_with_zero_bounds_is_infinite_unless_the_torque_term_covers():
     samples = UncertaintySamples(*(np.array([1.0, 2.0]) for _ in range(4)))
     assert largest_share(np.zeros(3), 0.0, samples) == np.inf
     assert largest_share(np.zeros(3), 1.0, samples) == 0.0
@@ -227,7 +227,7 @@ def test_torque_budget_does_not_apply_without_limits():
     assert torque_budget(scenario).holds is None
 
 
-def test_smallest_bound_covers_new_samples_and_the_remedy_of_a_smaller_one_holds():
+def test_smallest_uncertainty_bound_covers_new_samples_and_a_smaller_bound_has_a_valid_remedy():
     scenario, family = with_set(load("example-4.1"), {"robot.plant.masses": {"around": "20 %"}}, {"simulation.t1": 2.0})
     verdict = uncertainty_bound(scenario, family)
     assert verdict.holds

@@ -35,7 +35,7 @@ def motion(duration, reach=0.5):
     return Tabulated.through([0.0, duration], ends, np.zeros_like(ends), np.zeros_like(ends))
 
 
-def test_simulated_arms_of_the_set_stay_within_the_bound(scenario):
+def test_simulated_arms_of_the_set_stay_within_the_tracking_bound(scenario):
     verdict = tracking_bound(scenario)
     assert verdict.holds and verdict.grade == "A"
     family = Family.of(scenario.description)
@@ -51,7 +51,7 @@ def test_simulated_arms_of_the_set_stay_within_the_bound(scenario):
         assert np.abs(np.asarray(log.tau)).max() < verdict.bound["torque"].max()
 
 
-def test_arms_that_follow_a_stream_of_positions_stay_within_the_bound_along_it(scenario):
+def test_arm_that_follows_streamed_positions_stays_within_the_tracking_bound(scenario):
     # A new goal each 0.5 s at once, at 20 Hz: the filter makes the motion.
     times, start = np.arange(0.0, 1.5, 0.05), np.array(scenario.state0.q)
     goals = start + np.random.default_rng(0).uniform(-0.3, 0.3, (3, 7))
@@ -70,14 +70,14 @@ def test_arms_that_follow_a_stream_of_positions_stay_within_the_bound_along_it(s
     assert (np.abs(np.asarray(log.e)).max(axis=0) <= verdict.bound["error"]).all()
 
 
-def test_a_gate_that_may_reject_a_sample_of_the_arm_lowers_the_grade():
+def test_measurement_gate_that_may_reject_valid_samples_lowers_the_grade():
     changes = {"scheme.sampled_data.gate": {"acceleration": 0.01, "spread": 1e-7}}
     verdict = tracking_bound(sx.scenarios.load(PANDA, changes))
     (line,) = (line for line in verdict.assumptions if "gate" in line.text)
     assert verdict.grade == "B" and line.status == "assumed" and line.value > 1.0
 
 
-def test_a_wider_band_has_no_smaller_bound(scenario):
+def test_wider_inertial_band_has_a_larger_tracking_bound(scenario):
     narrow, wide = (
         tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"robot.plant.inertial": {"band": p}}})).bound["error"]
         for p in (0.01, 0.03)
@@ -85,7 +85,7 @@ def test_a_wider_band_has_no_smaller_bound(scenario):
     assert (wide > narrow).all()
 
 
-def test_a_known_difference_of_the_true_arm_counts_as_a_region(scenario):
+def test_known_payload_difference_enlarges_the_tracking_bound(scenario):
     # Without the band: 0.1 kg more than the law knows.
     heavier = sx.scenarios.load(PANDA, {"uncertainty": {}, "robot.plant.load": {"mass": 0.1, "center": [0, 0, 0.1]}})
     exact = sx.scenarios.load(PANDA, {"uncertainty": {}})
@@ -109,18 +109,18 @@ def test_a_known_difference_of_the_true_arm_counts_as_a_region(scenario):
         ),
     ],
 )
-def test_a_setting_outside_the_bounds_scope_is_named_with_a_remedy_that_works(changes, words, remedy):
+def test_setting_outside_the_tracking_bounds_scope_is_named_with_a_valid_remedy(changes, words, remedy):
     verdict = tracking_bound(sx.scenarios.load(PANDA, changes))
     assert verdict.holds is None and words in verdict.statement
     assert tracking_bound(sx.scenarios.load(PANDA, changes | remedy)).holds
 
 
-def test_an_uncertain_path_outside_the_bounds_scope_makes_it_not_applicable():
+def test_tracking_bound_does_not_apply_to_an_uncertain_encoder_resolution():
     verdict = tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"sensor.resolution": {"between": [0, 1e-3]}}}))
     assert verdict.holds is None and "`sensor.resolution`" in verdict.statement
 
 
-def test_a_motion_that_is_too_fast_is_refused_until_it_is_slow_enough(law):
+def test_motion_that_is_too_fast_is_admitted_after_the_suggested_slowdown(law):
     answer = admit(law, motion(0.33), allowed=0.003)
     assert not answer.admitted and answer.limit is not None and answer.slow_down is not None
     assert judge_motion(law, slowed(motion(0.33), answer.slow_down), 0.003).step_proved
@@ -128,7 +128,7 @@ def test_a_motion_that_is_too_fast_is_refused_until_it_is_slow_enough(law):
     assert not admit(law, slowed(motion(0.33), 0.8 * answer.slow_down), allowed=0.003, slow_down=False).admitted
 
 
-def test_a_motion_beyond_the_range_of_a_joint_is_refused_by_its_name(law):
+def test_motion_beyond_a_joints_range_is_refused_with_the_joint_name(law):
     answer = admit(law, motion(4.0, reach=3.5), slow_down=False)
     assert not answer.admitted
     assert answer.limit.what == "position" and answer.limit.joint in law.arm.joint_names
@@ -141,7 +141,7 @@ def test_a_slowed_motion_passes_the_same_positions_later():
         np.testing.assert_allclose(fast.position(jnp.asarray(t)), slow.position(jnp.asarray(1.7 * t)), atol=1e-12)
 
 
-def test_torque_steps_that_are_not_proved_lower_the_grade_and_admit_only_if_assumed(law):
+def test_unproved_torque_steps_lower_the_grade_and_need_assume_steps_for_admission(law):
     tight = replace(law, torque_rate=0.2 * law.torque_rate)
     refused = admit(tight, motion(1.5), slow_down=False)
     assert not refused.admitted and refused.limit.what == "torque step" and refused.verdict.holds
@@ -149,7 +149,7 @@ def test_torque_steps_that_are_not_proved_lower_the_grade_and_admit_only_if_assu
     assert admit(tight, motion(1.5), assume_steps=True, slow_down=False).admitted
 
 
-def test_a_motion_that_itself_needs_larger_torque_steps_than_the_drives_have_is_refused_also_if_they_are_assumed(law):
+def test_motion_whose_planned_torque_step_exceeds_the_rate_limit_is_always_refused(law):
     arm, h, path = law.arm, law.loop.period, Pieces.of(motion(1.5))
     q, dq = (np.asarray(part) for part in path.at(np.arange(0.0, 1.5, h))[:2])
     mean = np.diff(dq, axis=0) / h
@@ -166,7 +166,7 @@ def test_a_motion_that_itself_needs_larger_torque_steps_than_the_drives_have_is_
     assert [line.status for line in answers[0].verdict.assumptions if "torque step" in line.text] == ["fails", "fails"]
 
 
-def test_the_command_answers_for_each_file_in_json_and_by_its_exit_code(tmp_path, law):
+def test_admit_command_reports_each_motion_in_json_and_exits_with_4_on_refusal(tmp_path, law):
     names = ",".join(reversed(law.arm.joint_names))
     for name, duration in (("slow", 1.5), ("fast", 0.3)):
         moved = motion(duration)
@@ -184,6 +184,6 @@ def test_the_command_answers_for_each_file_in_json_and_by_its_exit_code(tmp_path
     assert in_process("admit", files[0], "--scenario", PANDA).exit_code == 0
 
 
-def test_a_law_without_such_a_bound_is_refused_with_the_setting_that_is_missing():
+def test_law_outside_the_tracking_bounds_scope_is_refused_with_the_required_setting():
     with pytest.raises(DefinitionError, match=r"set `scheme\.sampled_data\.adaptation: null`"):
         certified_law(sx.scenarios.load("panda-payload"))

@@ -26,7 +26,7 @@ def at(bodies: BodyPoints, parts: list[np.ndarray]) -> PointMotion:
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_inertia_coriolis_and_torques_are_inner_products(name: str) -> None:
+def test_dynamics_from_body_points_agree_with_the_arm_model(name: str) -> None:
     arm = ARMS[name]()
     bodies, (q, dq, ddq, dddq) = BodyPoints.of(arm), motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
@@ -40,7 +40,7 @@ def test_inertia_coriolis_and_torques_are_inner_products(name: str) -> None:
     np.testing.assert_allclose(torque, own, atol=1e-11)
 
 
-def test_the_derivative_of_the_torques_by_the_positions_is_an_inner_product() -> None:
+def test_position_derivative_of_the_torque_from_body_points_agrees_with_jax() -> None:
     arm = panda()
     q, dq, ddq, dddq = motion(arm, 5)
     bodies = BodyPoints.of(arm)
@@ -50,7 +50,7 @@ def test_the_derivative_of_the_torques_by_the_positions_is_an_inner_product() ->
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_derivatives_agree_with_differences(name: str) -> None:
+def test_time_derivatives_of_body_points_agree_with_finite_differences(name: str) -> None:
     arm = ARMS[name]()
     bodies, (q, dq, ddq, dddq) = BodyPoints.of(arm), motion(arm)
     points = at(bodies, [q, dq, ddq, dddq])
@@ -75,7 +75,7 @@ def test_derivatives_agree_with_differences(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_norms_of_second_derivatives_are_those_of_differences(name: str) -> None:
+def test_norms_of_body_point_slopes_agree_with_finite_differences(name: str) -> None:
     arm = ARMS[name]()
     bodies, parts = BodyPoints.of(arm), motion(arm, 5)
     path = Path.of(bodies, BodyBand(0.0, 0.0).region(bodies), still(*parts))
@@ -99,7 +99,7 @@ def test_norms_of_second_derivatives_are_those_of_differences(name: str) -> None
         assert np.all((0.3 * bound < largest) & (largest <= bound * (1 + 1e-6)))
 
 
-def test_a_pseudo_inertia_within_the_band_changes_forces_within_it() -> None:
+def test_arm_at_the_edge_of_the_band_changes_torques_within_the_bound() -> None:
     """`|xᵀ (E q̈ + Δn)| <= p Σ_b ‖Y_b x‖ ‖F_b‖`, for members at the edge of the band."""
     from .plant import Chain
 

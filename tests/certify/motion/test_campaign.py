@@ -161,7 +161,7 @@ def scara(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return Case("3", tmp_path_factory.mktemp("scara"))
 
 
-def test_no_attack_on_an_exported_law_exceeds_a_bound_of_its_verdict(scara: Case) -> None:
+def test_adversarial_runs_of_an_exported_law_stay_within_its_certified_bounds(scara: Case) -> None:
     rng = np.random.default_rng(2)
     target = scara.target(rng)
     outcomes = target.attack(rng, scara.draw(target), 200, 24)
@@ -170,14 +170,14 @@ def test_no_attack_on_an_exported_law_exceeds_a_bound_of_its_verdict(scara: Case
     assert outcomes["worst"][:, 0].max() > 0.25
 
 
-def test_attacks_by_arms_outside_the_set_exceed_the_bounds(scara: Case) -> None:
+def test_adversarial_runs_of_arms_outside_the_set_exceed_the_bounds(scara: Case) -> None:
     rng = np.random.default_rng(4)
     assert scara.target(rng).attack(rng, of_the_band(0.5), 100)["worst"][:, 0].max() > 1.0
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", CASES)
-def test_no_long_attack_on_an_exported_law_exceeds_a_bound_of_its_verdict(name: str, tmp_path: Path) -> None:
+def test_many_adversarial_runs_of_an_exported_law_stay_within_its_certified_bounds(name: str, tmp_path: Path) -> None:
     case, rng = Case(name, tmp_path), np.random.default_rng(3)
     worst = np.zeros(len(KINDS))
     for _ in range(MOTIONS):

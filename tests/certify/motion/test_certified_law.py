@@ -101,7 +101,7 @@ def torques(law: SampledData, q: Any, first: Reference, references: Any) -> Any:
 
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_torques_are_those_of_the_certified_law(name: str, delay: int) -> None:
+def test_scenario_law_computes_the_torques_of_the_certified_law(name: str, delay: int) -> None:
     arm, rng, slots = ARMS[name](), np.random.default_rng(4), 400
     law = certified(arm, delay)
     motion = knotted(arm, rng, 0.6)
@@ -127,7 +127,7 @@ def test_torques_are_those_of_the_certified_law(name: str, delay: int) -> None:
 
 
 @pytest.mark.parametrize("delay", [0, 1])
-def test_torques_of_a_sliding_mode_law_are_those_of_its_loop_with_a_goal(delay: int) -> None:
+def test_sliding_mode_law_computes_the_torques_of_its_certified_loop(delay: int) -> None:
     arm, rng, slots = two_joints(), np.random.default_rng(5), 400
     plan = PaperPlan(horizon=0.02, initial=0.05, final=0.01, deadline=0.2)
     law = sliding(arm, plan, delay)
@@ -149,7 +149,7 @@ def test_torques_of_a_sliding_mode_law_are_those_of_its_loop_with_a_goal(delay: 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.8])
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_linear_loop_moves_as_the_law_on_a_unit_mass(delay: int, ratio: float) -> None:
+def test_certified_linear_loop_agrees_with_the_law_on_a_unit_mass(delay: int, ratio: float) -> None:
     law = certified(FreeMass(), delay, viscous_feedforward=False)
     loop, rng, count = JointLoop.of(law), np.random.default_rng(delay), 80
     noise, pulse, speed = rng.normal(size=(3, count)) * np.array([[1e-5], [1e-5], [1e-2]])
@@ -219,7 +219,7 @@ def test_the_certified_loop_has_period_delay_and_gains_of_the_scenario() -> None
 
 
 @pytest.mark.parametrize("name", UNCOVERED)
-def test_a_law_that_is_not_covered_is_refused_with_its_remedy(name: str) -> None:
+def test_law_that_the_certificate_does_not_cover_is_refused_with_a_remedy(name: str) -> None:
     changes, remedy = UNCOVERED[name]
     law = alter(load("panda-payload", COVERED), changes).controller
     assert isinstance(law, SampledData)

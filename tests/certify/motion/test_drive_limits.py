@@ -64,7 +64,7 @@ def attacked_torques(
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_no_attack_exceeds_the_torque_bounds(name: str) -> None:
+def test_adversarial_runs_stay_within_the_torque_and_torque_step_bounds(name: str) -> None:
     rng = np.random.default_rng(0)
     for seed in (0, 1):
         arm, motion, certified, bounds = case(name, seed)
@@ -144,18 +144,18 @@ class Moves:
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["torque", "step"])
-def test_no_move_of_the_model_exceeds_its_torque_or_step(which: int) -> None:
+def test_model_torque_and_torque_step_stay_within_their_bounds_in_a_search(which: int) -> None:
     assert 0.15 < Moves("smooth", 0, 16).climb(which, 2) <= 1.0
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("which", [0, 1], ids=["torque", "step"])
 @pytest.mark.parametrize("name", LOOPS)
-def test_no_move_of_the_model_exceeds_its_torque_or_step_in_a_long_search(name: str, which: int) -> None:
+def test_model_torque_and_torque_step_stay_within_their_bounds_in_a_long_search(name: str, which: int) -> None:
     assert all(Moves(name, seed, 200).climb(which, 4) <= 1.0 for seed in range(3))
 
 
-def test_a_change_in_the_memory_of_a_kernel_is_bounded_at_every_time() -> None:
+def test_bound_on_the_kernel_weighted_past_change_holds_at_every_sample() -> None:
     rng = np.random.default_rng(0)
     kernel, per_cell, cells = rng.random(37) * 0.9 ** np.arange(37), 4, 12
     rates, sizes = rng.random((cells, 3)), rng.random(cells)
@@ -176,7 +176,7 @@ def test_a_change_in_the_memory_of_a_kernel_is_bounded_at_every_time() -> None:
     )
 
 
-def test_the_planned_torque_is_the_torque_of_an_exactly_known_arm() -> None:
+def test_planned_torque_agrees_with_the_simulated_torque_of_an_exactly_known_arm() -> None:
     arm, motion, certified, bounds = case("fast", 0)
     cells, nominal = certified.path.cells, Chain.of(arm)
     slots = len(cells.q) * cells.per_cell
@@ -187,7 +187,7 @@ def test_the_planned_torque_is_the_torque_of_an_exactly_known_arm() -> None:
     np.testing.assert_allclose(largest, bounds.planned_torque, atol=0.02)
 
 
-def test_the_terms_of_a_torque_step_sum_to_its_bound() -> None:
+def test_torque_step_bound_is_at_most_the_sum_of_its_terms() -> None:
     *_, bounds = case("smooth", 0)
     assert np.all(bounds.step <= sum(bounds.step_terms.values()) * (1 + 1e-9))
     assert np.all(bounds.planned_step <= bounds.step)

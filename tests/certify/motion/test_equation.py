@@ -53,7 +53,7 @@ def dynamics(chain: Chain, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, n
     return mass, torque_of(chain, q, dq, nothing)
 
 
-def test_true_inertia_is_within_the_band() -> None:
+def test_eigenvalues_of_the_inertia_ratio_stay_within_the_band() -> None:
     arm, rng, p = panda(), np.random.default_rng(0), 0.05
     chain = Chain.of(arm)
     q = rng.uniform(-2.5, 2.5, size=(200, 7))

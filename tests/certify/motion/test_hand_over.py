@@ -63,7 +63,7 @@ def scenario(scheme: dict[str, Any], **changes: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_goal_with_the_signs_of_its_kernel_attains_its_gain(name: str) -> None:
+def test_goal_with_the_signs_of_its_kernel_attains_the_kernel_gain(name: str) -> None:
     loop, count = LOOPS[name], 600
     kernels = loop_kernels(loop)
 
@@ -118,7 +118,7 @@ def place_of_plan(plan: PaperPlan, now: float, y: float, upper: float) -> float:
     return float(place)
 
 
-def test_goals_of_a_law_are_within_their_bound_and_attain_it() -> None:
+def test_sliding_mode_goals_stay_within_their_bound_and_nearly_attain_it() -> None:
     plan = PaperPlan(horizon=0.02, initial=0.05, final=0.01, deadline=0.2)
     cells = PathCells.of(short(arm_of("panda"), 0), PERIOD, rest=0.2)
     hand_over = HandOver.of(sliding(arm_of("panda"), plan, 1))
@@ -140,7 +140,7 @@ def test_goals_of_a_law_are_within_their_bound_and_attain_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["panda"])
-def test_no_attack_exceeds_the_bounds_of_a_sliding_mode_law(name: str) -> None:
+def test_adversarial_runs_stay_within_the_bounds_of_a_sliding_mode_law(name: str) -> None:
     arm, rng = arm_of(name), np.random.default_rng(0)
     # An envelope that narrows while the arm moves, so that the goal counts.
     plan = PaperPlan(horizon=0.01, initial=0.05, final=0.01, deadline=0.2)
@@ -190,7 +190,7 @@ def test_a_disturbance_with_the_signs_of_the_kernel_nearly_attains_the_bound(joi
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_simulated_arms_stay_within_bound_and_envelope_with_s_held_at_zero(scheme: str) -> None:
+def test_simulated_sliding_mode_arms_stay_within_tracking_bound_and_envelope(scheme: str) -> None:
     whole = scenario(SCHEMES[scheme])
     verdict = tracking_bound(whole)
     assert verdict.holds and verdict.grade == "A"

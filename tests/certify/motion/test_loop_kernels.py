@@ -47,7 +47,7 @@ def simulated(
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_an_input_with_the_signs_of_the_kernel_attains_its_gain(name: str) -> None:
+def test_disturbance_with_the_signs_of_the_kernel_attains_the_kernel_gain(name: str) -> None:
     loop = LOOPS[name]
     kernels = loop_kernels(loop)
     slots, sub = 600, 16
@@ -78,7 +78,7 @@ def test_responses_to_noise_and_ramps_stay_below_their_kernel_gains(name: str) -
         assert np.max(np.abs(runs[1][output])) <= kernels[output].ramp.sum() * 1.001
 
 
-def test_departure_gains_bound_responses_for_every_inertia_ratio_in_the_band() -> None:
+def test_response_deviation_is_bounded_for_random_inertia_ratios_in_the_band() -> None:
     loop, p = LOOPS["fast"], 0.1
     spreads = spread_kernels(loop, p)
     rng = np.random.default_rng(0)
@@ -107,7 +107,7 @@ def test_no_kernel_of_an_inertia_ratio_in_the_band_exceeds_the_largest_kernel(na
                 assert np.all(getattr(own, field) <= getattr(largest, field)), (output, field)
 
 
-def test_departure_gains_grow_with_the_band() -> None:
+def test_deviation_gains_grow_with_the_width_of_the_band() -> None:
     gains = [spread_kernels(LOOPS["fast"], p)["error"].departure.gain for p in (0.0, 0.01, 0.02, 0.05, 0.1)]
     assert gains[0] < 1e-9 * gains[1]
     assert np.all(np.diff(gains) > 0.0)
@@ -121,7 +121,7 @@ def test_an_unstable_loop_is_refused() -> None:
 
 
 @pytest.mark.parametrize("ratio", [0.8, 1.0, 1.3])
-def test_eigenvalue_modulus_agrees_with_the_loop_of_the_law(ratio: float) -> None:
+def test_spectral_radius_of_the_certified_loop_agrees_with_the_laws_linear_loop(ratio: float) -> None:
     for loop in LOOPS.values():
         h = loop.period
         first, second, third = loop.gains

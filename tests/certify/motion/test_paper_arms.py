@@ -13,7 +13,7 @@ from tests.paper_examples import SCARA, TWO_LINK
 
 
 @pytest.mark.parametrize("arm", [TWO_LINK, SCARA], ids=["two links", "scara"])
-def test_rigid_links_have_the_closed_form_of_the_arm(arm):
+def test_rigid_link_model_of_a_paper_arm_agrees_with_its_closed_form(arm):
     links = arm.rigid_links()
     assert (links.joint_units, links.joint_names) == (arm.joint_units, arm.joint_names)
     for q, dq in jnp.asarray(np.random.default_rng(0).uniform(-3.0, 3.0, (5, 2, arm.joints))):
@@ -46,7 +46,7 @@ NEAR: dict[str, Any] = {
 }
 
 
-def test_simulated_arms_of_the_set_stay_within_the_bound():
+def test_simulated_two_link_arms_of_the_set_stay_within_the_tracking_bound():
     # From rest the motion begins with an acceleration, for which 4 N m a period are too few.
     assert tracking_bound(sx.scenarios.load("example-4.1-1khz", NEAR)).statement.startswith(
         "Not certified: planned torque step"
@@ -73,6 +73,6 @@ def test_simulated_arms_of_the_set_stay_within_the_bound():
     ],
     ids=["a start far away", "other lengths", "uncertain lengths", "uncertain gravity"],
 )
-def test_a_scenario_outside_the_bounds_scope_is_refused_by_name(changes, named):
+def test_scenario_outside_the_tracking_bounds_scope_is_refused_with_the_setting(changes, named):
     verdict = tracking_bound(sx.scenarios.load("example-4.1-1khz", {**NEAR, **changes}))
     assert verdict.holds is None and named in verdict.statement

@@ -33,7 +33,7 @@ def region_of(name: str) -> ParameterRegion:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_arm_of_the_ellipsoid_lies_in_its_cover(name: str) -> None:
+def test_arms_of_the_identified_ellipsoid_lie_within_its_cover(name: str) -> None:
     region, rng = region_of(name), np.random.default_rng(0)
     covers = region.points.swapaxes(1, 2) @ region.points
     own = BodyPoints.of(identified(name)[0]).pseudo_inertias
@@ -90,7 +90,7 @@ def of_matrices(matrices: np.ndarray, mass: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_suprema_at_a_state_are_those_of_the_worst_arms(name: str) -> None:
+def test_suprema_at_a_state_agree_with_the_worst_arms_of_the_ellipsoid(name: str) -> None:
     members, rng, step = Members(name), np.random.default_rng(1), 1e-5
     q, dq, ddq, dddq = (rng.normal(size=(12, members.arm.joints)) for _ in range(4))
     exact = over_ellipsoid(Path.of(BodyPoints.of(members.arm), region_of(name), still(q, dq, ddq, dddq)))
@@ -278,7 +278,7 @@ def test_no_arm_of_the_band_exceeds_a_supremum_in_a_long_search(name: str, which
     assert climb(name, which, 64, 4) <= 1.0
 
 
-def test_an_ellipsoid_gives_smaller_bounds_than_a_band_of_the_same_p() -> None:
+def test_identified_ellipsoid_gives_smaller_bounds_than_a_band_of_the_same_width() -> None:
     members, _, _, path, tube, bounds = case("panda")
     bodies = BodyPoints.of(members.arm)
     per_body = suprema(Path.of(bodies, BodyBand(0.03, 0.03).region(bodies), path.cells), tube)
@@ -287,7 +287,7 @@ def test_an_ellipsoid_gives_smaller_bounds_than_a_band_of_the_same_p() -> None:
         assert np.median(getattr(bounds, name) / getattr(per_body, name)) < 0.5
 
 
-def test_friction_of_an_identified_arm_is_its_interval() -> None:
+def test_friction_uncertainty_covers_the_identified_intervals() -> None:
     arm, band = identified("panda")
     uncertainty = ArmUncertainty.identified(arm, band, resolution=1e-5)
     np.testing.assert_allclose(uncertainty.coulomb, band.coulomb[1])

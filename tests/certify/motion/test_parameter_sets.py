@@ -50,7 +50,7 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_every_arm_of_a_set_satisfies_all_statements_of_its_region(name: str) -> None:
+def test_random_arms_of_a_set_lie_within_its_parameter_region(name: str) -> None:
     whole = scenario(SETS[name])
     area, rng = region(SETS[name]), np.random.default_rng(0)
     family, nominal = Family.of(whole.description), whole.controller.nominal
@@ -86,7 +86,7 @@ def test_every_arm_of_a_set_satisfies_all_statements_of_its_region(name: str) ->
     assert largest[0] > 0.5
 
 
-def test_simulated_arms_of_a_set_stay_within_the_bound() -> None:
+def test_simulated_arms_with_uncertain_payload_stay_within_the_tracking_bound() -> None:
     sets = {**SETS["payload"], "robot.plant.coulomb": {"between": [0.0, 0.3]}}
     whole = scenario(sets)
     verdict = tracking_bound(whole)
@@ -98,7 +98,7 @@ def test_simulated_arms_of_a_set_stay_within_the_bound() -> None:
         assert np.all(np.abs(np.asarray(log.e)).max(axis=0) < verdict.bound["error"])
 
 
-def test_a_region_does_not_depend_on_order_or_padding_and_grows_with_the_set() -> None:
+def test_parameter_region_ignores_order_and_padding_and_grows_with_the_set() -> None:
     sets = SETS["each body and rotor"]
     padding = {"start.q": {"around": 0.0}, "robot.plant.viscous": {"between": [0.2, 0.2]}}
     plain, other = region(sets), region({**padding, **dict(reversed(sets.items()))})
@@ -112,14 +112,14 @@ def test_a_region_does_not_depend_on_order_or_padding_and_grows_with_the_set() -
         assert np.all(np.linalg.norm(less.points, axis=(1, 2)) <= np.linalg.norm(more.points, axis=(1, 2)))
 
 
-def test_a_factor_shared_by_all_joints_is_one_deviation_of_the_region() -> None:
+def test_mass_factor_shared_by_all_joints_adds_a_single_deviation_to_the_region() -> None:
     alike = region({"robot.plant.mass_factor": {"around": "2 %"}})
     each = region({"robot.plant.mass_factor": {"around": "2 %", "each": "joint"}})
     assert len(alike.deviations) == 1 and len(each.deviations) == 7
     np.testing.assert_allclose(alike.p, each.p, rtol=1e-6)
 
 
-def test_a_set_that_is_not_affine_is_refused_with_a_remedy_that_works() -> None:
+def test_set_that_is_not_affine_is_refused_and_a_band_is_certified() -> None:
     sets = {"robot.plant.load.center": {"ball": 0.01}}
     with pytest.raises(DefinitionError, match=r"not affine in `robot\.plant\.load\.center`"):
         certified_law(scenario(sets))

@@ -149,7 +149,7 @@ def test_no_long_gradient_ascent_exceeds_a_supremum(name: str, which: str) -> No
     assert ascend(name, which, 1000, 5) <= 1.0
 
 
-def test_band_along_the_motion_bounds_members_of_it() -> None:
+def test_band_bounds_along_the_motion_hold_for_random_members() -> None:
     """`M0⁻¹ (E q̈ + Δn)` per joint, in the metric, and its rate, for members at the edge of the band."""
     from .plant import Chain
     from .test_body_points import torque_of
@@ -173,7 +173,7 @@ def test_band_along_the_motion_bounds_members_of_it() -> None:
         assert np.all(np.sqrt(np.einsum("ni,nij,nj->n", rate, mass, rate)) <= bounds.band_rate[cell] * 1.001 + 1e-6)
 
 
-def test_bounds_of_a_cell_hold_between_its_samples() -> None:
+def test_motion_bounds_of_a_path_cell_hold_between_its_samples() -> None:
     _arm, motion, cells, *_ = case("panda knotted")
     pieces = Pieces.of(motion)
     t = np.linspace(0.0, (2 * len(cells.q) - 1) * cells.half, 50_001)

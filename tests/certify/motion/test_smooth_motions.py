@@ -31,7 +31,7 @@ PROMPT = JointLoop.with_density(1e-3, 0.007, 3.0, 1e-5, 0)
 
 
 @MOTIONS
-def test_derivatives_are_those_of_the_position(motion):
+def test_derivatives_of_a_motion_agree_with_automatic_differentiation(motion):
     times = np.array([0.0, 0.37, 2.1])
     each = motion.position
     for order in range(5):
@@ -41,7 +41,7 @@ def test_derivatives_are_those_of_the_position(motion):
 
 
 @MOTIONS
-def test_largest_derivatives_hold_at_all_later_times(motion):
+def test_largest_derivative_bounds_all_later_times(motion):
     since = np.array([0.0, 0.7])
     for order in range(1, 6):
         bounds = motion.largest_derivative(since, order)
@@ -50,7 +50,7 @@ def test_largest_derivatives_hold_at_all_later_times(motion):
 
 
 @MOTIONS
-def test_bounds_of_a_cell_hold_between_its_samples(motion):
+def test_motion_bounds_of_a_path_cell_hold_between_its_samples(motion):
     cells = PathCells.of(motion, 2e-3, until=2.0)
     assert cells.until == 2.0
     t = np.linspace(0.0, 2.0, 40_001)
@@ -64,7 +64,7 @@ def test_bounds_of_a_cell_hold_between_its_samples(motion):
 
 
 @pytest.mark.parametrize("motion", [WAVE, DECAY], ids=["sinusoid", "exponentials"])
-def test_no_attack_exceeds_the_bounds(motion):
+def test_adversarial_runs_along_smooth_motions_stay_within_the_bounds(motion):
     arm, rng = arm_of("panda"), np.random.default_rng(0)
     certified = certified_path(arm, motion, PROMPT, uncertainty(0.03), until=0.6)
     assert certified.bounds.verified
@@ -74,7 +74,7 @@ def test_no_attack_exceeds_the_bounds(motion):
 
 @pytest.mark.full
 @pytest.mark.parametrize("motion", [WAVE, DECAY], ids=["sinusoid", "exponentials"])
-def test_no_long_attack_exceeds_the_bounds(motion):
+def test_long_adversarial_runs_along_smooth_motions_stay_within_the_bounds(motion):
     arm, rng = arm_of("panda"), np.random.default_rng(1)
     for p in (0.02, 0.05):
         certified = certified_path(arm, motion, PROMPT, uncertainty(p), until=3.0)
@@ -128,7 +128,7 @@ def test_a_motion_without_an_end_needs_an_end_time_and_a_settled_law_starts_at_r
         certified_path(arm, WAVE, PROMPT, uncertainty(0.03, settled=True), until=0.1)
 
 
-def test_the_first_torque_step_starts_at_the_torque_that_holds_the_arm():
+def test_first_planned_torque_step_starts_from_the_holding_torque():
     # A jump of the acceleration at the start.
     arm, ends = arm_of("panda"), np.stack([PLACE, PLACE + 0.02])
     motion = Tabulated(np.array([0.0, 0.2]), np.stack([np.full((1, 7), 0.5), np.zeros((1, 7)), ends[:1]]))

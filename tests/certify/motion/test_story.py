@@ -112,7 +112,7 @@ def assert_motions_stay_within_their_bounds(
 TRUTH = {"payload": 0.7, "coulomb": 0.25, "viscous": 0.4, "rotor": 0.06}
 
 
-def test_motions_of_an_arm_known_from_a_log_stay_within_their_bounds_in_mujoco(tmp_path: Path) -> None:
+def test_motions_of_an_arm_identified_from_a_log_stay_within_bounds_in_mujoco(tmp_path: Path) -> None:
     urdf = Path("examples/robots/small_arm.urdf").resolve()
     assert_motions_stay_within_their_bounds(MujocoArm(urdf, "hand", **TRUTH), urdf, tmp_path, 3)
 

@@ -122,7 +122,7 @@ def of_the_ellipsoid(members: Members, certified: CertifiedPath) -> Callable[[Ch
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str) -> None:
+def test_adversarial_runs_of_identified_arms_stay_within_the_bounds(name: str) -> None:
     members, rng = Members(name), np.random.default_rng(0)
     arm, loop = members.arm, LOOP if name == "panda" else SLOW
     uncertain = replace(ArmUncertainty.identified(arm, members.band, resolution=1e-5), coulomb=0.3, viscous_error=0.02)
@@ -137,7 +137,7 @@ def test_no_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str) -> Non
 @pytest.mark.full
 @pytest.mark.parametrize("make", [quintic, knotted])
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_long_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str, make: Any) -> None:
+def test_long_adversarial_runs_of_identified_arms_stay_within_the_bounds(name: str, make: Any) -> None:
     members, rng = Members(name), np.random.default_rng(1)
     arm, loop = members.arm, LOOP if name == "panda" else SLOW
     base = ArmUncertainty.identified(arm, members.band, resolution=1e-5)
@@ -151,7 +151,7 @@ def test_no_long_attack_by_arms_of_the_ellipsoid_exceeds_the_bounds(name: str, m
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_attack_exceeds_the_bounds(name: str) -> None:
+def test_adversarial_runs_of_arms_in_a_band_stay_within_the_bounds(name: str) -> None:
     arm, rng = arm_of(name), np.random.default_rng(0)
     loop = LOOP if name == "panda" else SLOW
     for seed in range(2):
@@ -166,7 +166,7 @@ def test_no_attack_exceeds_the_bounds(name: str) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("make", [quintic, knotted])
 @pytest.mark.parametrize("name", ["panda", "ur5e"])
-def test_no_long_attack_exceeds_the_bounds(name: str, make: Any) -> None:
+def test_long_adversarial_runs_of_arms_in_a_band_stay_within_the_bounds(name: str, make: Any) -> None:
     arm, rng = arm_of(name), np.random.default_rng(1)
     loop = LOOP if name == "panda" else SLOW
     for _ in range(10):
@@ -239,7 +239,7 @@ def test_bounds_grow_with_every_uncertainty() -> None:
         assert np.max(errors[0]) < np.max(errors[-1])
 
 
-def test_the_verdict_names_the_joint_and_the_term() -> None:
+def test_tracking_verdict_names_the_joint_and_the_error_term() -> None:
     arm = arm_of("panda")
     motion = short(arm, 1)
     verdict = motion_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-3)
@@ -253,7 +253,7 @@ def test_the_verdict_names_the_joint_and_the_term() -> None:
     assert motion_bound(arm, motion, LOOP, uncertainty(0.02), allowed=1e-5).holds is False
 
 
-def test_a_wide_band_is_refused_by_name() -> None:
+def test_band_too_wide_for_the_feedback_is_not_certified_with_the_reason() -> None:
     arm = arm_of("panda")
     verdict = motion_bound(arm, short(arm, 1), LOOP, uncertainty(0.2))
     assert verdict.holds is False
@@ -261,7 +261,7 @@ def test_a_wide_band_is_refused_by_name() -> None:
     assert verdict.assumptions[0].status == "fails"
 
 
-def test_invalid_arguments_are_refused_by_name() -> None:
+def test_invalid_arm_uncertainty_is_refused_with_the_field_name() -> None:
     arm = arm_of("panda")
     with pytest.raises(DefinitionError, match="coulomb"):
         ArmUncertainty(BodyBand(0.0, 0.0), coulomb=-1.0)

@@ -77,7 +77,7 @@ def integral(a: float, p: float, b: float, q: float, low: float, high: float) ->
     return float(quad(integrand, np.log(low), np.log(high), epsabs=0, limit=200)[0])
 
 
-def test_two_power_time_equals_the_integral():
+def test_two_power_settling_time_formula_equals_its_integral():
     rng = np.random.default_rng(1)
     for _ in range(200):
         a, p, b, q = random_powers(rng)
@@ -89,7 +89,7 @@ def test_two_power_time_equals_the_integral():
         assert two_power_time(a, p, b, q, low) + two_power_time(a, p, b, q, np.inf, low) == pytest.approx(whole)
 
 
-def test_bounded_time_is_a_tight_upper_bound():
+def test_passage_time_bound_exceeds_the_exact_time_by_at_most_1_percent():
     rng = np.random.default_rng(2)
     for _ in range(50):
         a, p, b, q = random_powers(rng)
@@ -99,7 +99,7 @@ def test_bounded_time_is_a_tight_upper_bound():
         assert exact <= upper * (1 + 1e-12) and upper <= 1.01 * exact
 
 
-def test_supremum_is_attained_within_one_percent_and_below_the_printed_bound():
+def test_settling_time_supremum_is_nearly_attained_and_below_the_printed_bound():
     rng = np.random.default_rng(3)
     for _ in range(4):
         k1, k2 = np.exp(rng.uniform(-2, 1, 2))
@@ -144,7 +144,7 @@ def test_run_settles_within_the_bound_for_its_start(seed):
     assert verdict.margin is not None and 0 < verdict.margin < 1
 
 
-def test_examples_of_the_paper_violate_assumptions_of_its_bounds():
+def test_example_4_1_violates_two_assumptions_of_the_printed_settling_time():
     verdict = settling_time(load("example-4.1"))
     assert verdict.holds is False and verdict.bound["printed"][0] == pytest.approx(429.86, abs=0.01)
     failing = [item.text for item in verdict.assumptions if item.status == "fails"]
@@ -199,7 +199,7 @@ def test_final_error_is_below_its_bound(seed):
 
 
 @pytest.mark.full
-def test_disturbance_beyond_u_fails_with_a_remedy_that_holds():
+def test_disturbance_beyond_the_robust_torque_fails_the_final_error_bound_with_a_remedy():
     verdict = ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0}))
     assert verdict.holds is False and "error" not in verdict.bound
     failing = [line for line in verdict.assumptions if line.status == "fails"]
@@ -208,7 +208,7 @@ def test_disturbance_beyond_u_fails_with_a_remedy_that_holds():
     assert ultimate_bound(load("example-4.2", {"disturbance.scale": 8.0, **changes})).holds
 
 
-def test_wrong_nominal_inertia_fails_with_its_size():
+def test_wrong_nominal_inertia_fails_the_final_error_bound_with_its_size():
     verdict = ultimate_bound(load("example-4.1"))
     assert verdict.holds is False
     assert [line.value for line in verdict.assumptions if line.status == "fails"] == [pytest.approx(0.2)]
@@ -223,7 +223,7 @@ def chatter(period: float) -> float:
     return float(np.abs(np.diff(tau[-len(tau) // 10 :], axis=0)).max())
 
 
-def test_sampled_double_integrator_is_unstable_beyond_the_period_limit():
+def test_sampled_double_integrator_is_stable_exactly_below_the_period_limit():
     rng = np.random.default_rng(0)
     for _ in range(300):
         surface, layer = np.exp(rng.uniform(-2, 9, 2))
@@ -234,7 +234,7 @@ def test_sampled_double_integrator_is_unstable_beyond_the_period_limit():
 
 
 @pytest.mark.full
-def test_printed_law_fails_at_1_khz_with_remedies_that_hold():
+def test_printed_law_fails_the_period_certificate_at_1_khz_with_valid_remedies():
     verdict = printed_period(load("example-4.1", {"simulation.mode": "held", "simulation.period": 1e-3}))
     assert verdict.holds is False and verdict.bound["limit"] == pytest.approx(1.468e-4, rel=1e-3)
     first, second = (dict(line.changes) for line in verdict.remedies)

@@ -156,8 +156,8 @@ def test_python_can_carries_the_frames(law):
 @pytest.mark.parametrize(
     ("changes", "motors", "words"),
     [
-        ({"actuator.torque": 60.0}, NAMES, "60 N m, and a frame of DM8009 holds up to 54 N m: set `actuator.torque`"),
-        ({"sensor.delay": 0}, NAMES, "reads one period later, and the law must account for it"),
+        ({"actuator.torque": 60.0}, NAMES, "60 N m, above the largest torque in a frame of DM8009, 54 N m: lower"),
+        ({"sensor.delay": 0}, NAMES, "reads one period later: set the sensor's delay with"),
         ({}, ["DM8009"], "`motors` must have a name for each of the 2 joints; got 1"),
         ({}, ["DM8008", "DM4340"], "unknown motor `DM8008`; "),
     ],

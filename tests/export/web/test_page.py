@@ -83,7 +83,7 @@ def test_each_joint_has_its_own_slider(visit):
 def test_choices_and_schemes_can_be_selected(visit):
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
-    assert visit.state()["choices"] == {"sensor.delay": 0} and "one was broken" in visit.text("#seen")
+    assert visit.state()["choices"] == {"sensor.delay": 0} and "a violation was detected" in visit.text("#seen")
     visit.page.select_option("#scheme", RIVAL)
     visit.settle()
     assert visit.state()["scheme"] == RIVAL
@@ -117,7 +117,7 @@ def test_outdated_certificates_turn_grey_with_their_reason(visit):
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["good", "bad", "grey"]
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     assert [lights.nth(k).get_attribute("data-state") for k in range(3)] == ["grey", "bad", "grey"]
-    assert "k₁ moved" in lights.nth(0).inner_text()
+    assert "k₁ changed" in lights.nth(0).inner_text()
 
 
 def test_leaving_the_envelope_and_stopping_early_are_reported(visit):

@@ -32,14 +32,14 @@ HORIZONS = [0.024, *(pytest.param(horizon, marks=pytest.mark.full) for horizon i
 
 
 @pytest.mark.parametrize("horizon", HORIZONS)
-def test_law_without_an_estimate_is_a_spring_of_inertia_over_the_squared_horizon(horizon):
+def test_contact_stiffness_without_a_disturbance_estimate_is_inertia_over_the_squared_horizon(horizon):
     without = {"kind": "measured", "gain": 0.0, "trend": 0.0}
     t, e, force, inertia, _ = against_a_stop(horizon, estimator=without)
     rests = t > 9.0
     np.testing.assert_allclose(np.mean(force[rests] / -e[rests]), inertia[0] / horizon**2, rtol=0.06)
 
 
-def test_estimator_pushes_on_up_to_the_bound_of_the_law_and_the_monitor_names_it():
+def test_disturbance_estimate_raises_the_contact_force_and_the_monitor_warns_at_its_bound():
     bound = 2.0
     t, e, force, inertia, log = against_a_stop(0.024, monitor={"disturbance": bound})
     touches = np.argmax(force > 0.0)

@@ -37,7 +37,7 @@ def scenario_of(believed, longest=None, true=None, midpoint=False, t1=0.25):
 
 @pytest.mark.parametrize("midpoint", [False, True])
 @pytest.mark.parametrize("believed", [0.0, 1.0, 1.5, pytest.param(0.5, marks=pytest.mark.full), 3.0])
-def test_a_law_with_a_delay_set_at_run_time_equals_one_made_for_that_delay(believed, midpoint):
+def test_a_delay_set_at_run_time_gives_the_same_torques_as_a_fixed_delay(believed, midpoint):
     fixed, told = (scenario_of(believed, longest, midpoint=midpoint).simulate() for longest in (None, 3.0))
     np.testing.assert_allclose(told.log.tau, fixed.log.tau, rtol=1e-6, atol=1e-6)
     assert np.ptp(np.asarray(fixed.log.tau)) > 1.0
@@ -76,7 +76,7 @@ def test_a_parameter_sets_the_delay_of_an_exported_law(tmp_path):
 
 @needs_a_compiler
 @pytest.mark.full
-def test_a_delay_beyond_the_largest_one_is_an_invalid_parameter(tmp_path):
+def test_a_delay_beyond_the_maximum_is_reported_as_an_invalid_parameter(tmp_path):
     export_c(scenario_of(1.0, 3.0), tmp_path, name="law", golden=False)
     law = sx.load_export(tmp_path)
     row = np.zeros((3, 2))
@@ -87,6 +87,6 @@ def test_a_delay_beyond_the_largest_one_is_an_invalid_parameter(tmp_path):
         assert "parameters_invalid" in [name.lower() for name in law.conditions(status)]
 
 
-def test_a_largest_delay_below_the_delay_is_refused():
+def test_a_maximum_delay_below_the_delay_is_refused():
     with pytest.raises(DefinitionError, match="delay_at_most: must be at least the delay, 2 periods; got 1"):
         scenario_of(2.0, 1.0)

@@ -54,7 +54,7 @@ def test_a_position_beyond_its_range_is_never_accepted_however_often_it_comes():
     assert not any(accepted for accepted, _ in judged(samples))
 
 
-def test_a_velocity_that_the_law_does_not_use_may_be_anything():
+def test_a_velocity_that_the_law_does_not_use_is_not_checked():
     assert judged([(H, state([0, 0], [np.nan, 1e300]))], velocity=False) == [(True, False)]
 
 
@@ -83,7 +83,7 @@ def test_a_joint_that_rests_while_the_drives_could_explain_the_prediction_is_not
     assert judged(samples, gate, moving=1.1 * 100.0 * H**2)[2] == (False, False)
 
 
-def test_a_blocked_arm_restarts_the_law_after_the_patience():
+def test_a_blocked_arm_restarts_the_law_once_the_patience_is_exceeded():
     samples = [(k * H, state([0, 0])) for k in range(1, 10)]
     assert judged(samples, moving=1e-3)[7] == (True, True)
 
@@ -124,7 +124,7 @@ def test_a_gap_of_up_to_100_periods_needs_no_confirmation():
     assert judged([(101 * H, state([0, 0]))]) == [(False, False)]
 
 
-def test_ranges_follow_from_the_limits_of_the_arm():
+def test_gate_ranges_follow_from_the_limits_of_the_arm():
     arm = panda()
     gate = MeasurementGate.of_arm(arm)
     farthest = np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper))
@@ -132,14 +132,14 @@ def test_ranges_follow_from_the_limits_of_the_arm():
     np.testing.assert_allclose(gate.speed, 4.0 * arm.limits.velocity)
 
 
-def test_ranges_of_an_arm_with_followers_are_those_of_its_leaders():
+def test_gate_ranges_of_an_arm_with_coupled_joints_are_those_of_its_leaders():
     arm = panda()
     gate = MeasurementGate.of_arm(couple(arm, {arm.joint_names[1]: (arm.joint_names[0], 2.0, 0.0)}))
     np.testing.assert_allclose(gate.q_max[0], 1.5 * 0.5 * arm.limits.upper[1])
     np.testing.assert_allclose(gate.speed[0], 4.0 * 0.5 * arm.limits.velocity[1])
 
 
-def test_an_arm_without_limits_gets_the_speed_that_its_drives_reach_in_one_turn_or_metre():
+def test_gate_speed_without_limits_is_reached_by_the_drives_in_a_turn_or_metre():
     arm = SCARA
     gate = MeasurementGate.of_arm(arm, torque=20.0, mass=jnp.diag(jnp.array([2.0, 0.5, 1.0])))
     np.testing.assert_allclose(gate.speed, np.sqrt([2 * 2 * np.pi * 40, 2 * 2 * np.pi * 160, 2 * 80]))
@@ -190,7 +190,7 @@ def test_a_lost_measurement_does_not_count_as_rejected(engine):
     assert int(run.tally.rejected) == 0 and not np.any(run.log.signals["rejected"])
 
 
-def test_a_permanent_encoder_slip_restarts_the_law_and_costs_no_more_than_the_slip():
+def test_a_permanent_encoder_slip_restarts_the_law_and_leaves_an_error_of_the_slip():
     run = run_with(Faulty(1500, 0.3, 10_000), "native", **{"simulation.outside": "recover"})
     rejected = np.flatnonzero(np.asarray(run.log.signals["rejected"]))
     assert rejected.tolist() == list(range(1500, 1505)) and int(run.tally.rejected) == 5

@@ -21,7 +21,7 @@ PERIOD = 2e-3
 @pytest.mark.parametrize(
     ("delay", "dead_time", "adapts"), [(0.0, 0.0, False), (1.0, 0.0, True), (1.5, 0.5, False), (2.0, 1.0, False)]
 )
-def test_for_constant_inertia_the_midpoint_law_is_the_same_with_limits_losses_and_delays(delay, dead_time, adapts):
+def test_midpoint_law_equals_the_usual_law_for_constant_inertia(delay, dead_time, adapts):
     """The accelerations that were planned, limits included, are those that the torques give."""
     limits = TorqueLimits(3.0, 1000.0)
     sensor = Lossy(Delayed(Exact(), delay - dead_time), starts=[150, 300], counts=[6, 2])
@@ -97,7 +97,7 @@ def test_viscous_feedforward_of_an_arm_without_viscous_friction_is_refused():
         load("panda-payload", {"scheme.sampled_data.viscous_feedforward": True})
 
 
-def test_a_horizon_gives_the_gains_of_a_double_eigenvalue():
+def test_a_horizon_places_a_double_eigenvalue():
     horizon = 0.02
     law = sampled_data(ComputedTorque(FreeMass(), horizon=horizon), period=PERIOD).step.law
     h, (kp, kd) = PERIOD, law.gains()
@@ -127,7 +127,7 @@ def test_an_acceleration_density_gives_all_joints_equal_gains():
 
 
 @pytest.mark.parametrize("option", ["midpoint", "viscous_feedforward"])
-def test_loop_rate_does_not_apply_to_a_midpoint_law(option):
+def test_linear_loop_analysis_excludes_midpoint_and_viscous_feedforward_laws(option):
     changes = {"robot.nominal.viscous": 0.2, "scheme.sampled_data.adaptation": None}
     scenario = load("panda-payload", changes)
     assert not isinstance(linear_loops(scenario), str)

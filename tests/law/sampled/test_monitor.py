@@ -31,7 +31,7 @@ def watched(push, monitor, delay=0.0, gain=0.0):
 
 
 @pytest.mark.parametrize("push", [0.0, 3.0, 60.0, -60.0])
-def test_margin_under_a_constant_disturbance_counts_h_squared_w(push):
+def test_margin_under_a_constant_disturbance_is_reduced_by_h_squared_w(push):
     """`x = H² w` of the loop-rate rule, against a share of the side that it points to; y settles at `H² w + ρ ψ(ε)`.
 
     The side towards the initial error is five times as wide: there 60 m/s² leave as much room as 12 on the other.
@@ -92,7 +92,7 @@ def test_a_learnt_inertia_outside_the_guarantee_is_reported():
 
 
 @pytest.mark.parametrize(("push", "is_set"), [(0.0, False), (3000.0, True)])
-def test_the_status_of_an_exported_step_has_a_bit_of_the_monitor(push, is_set):
+def test_guarded_step_status_has_the_monitors_bit_where_the_guarantee_is_void(push, is_set):
     law, _ = watched(0.0, Monitor())
     plant, start = Plant(FreeMass(), Constant([push])), State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     step = GuardedStep.around(law, law.limits, PERIOD)
@@ -115,7 +115,7 @@ def test_a_law_without_a_plan_is_monitored_by_its_disturbance_estimate(push, ala
     assert log.signals["assumption_violated"][-1] == alarm
 
 
-def test_an_estimated_disturbance_beyond_its_bound_is_one_more_check_of_a_law_with_a_plan():
+def test_monitor_of_a_law_with_a_plan_also_checks_the_estimated_disturbance():
     _, run = watched(3.0, Monitor(disturbance=2.0), gain=0.3)
     assert run.log.signals["assumption_violated"][-1] == 8.0
     assert run.log.signals["margin"][-1] == pytest.approx(1.0 - 3.0 / 2.0, abs=2e-2)

@@ -62,7 +62,7 @@ def mass_run(period, horizon, e0=0.3, de0=0.0, push=0.0, gain=0.0, t1=1.5, **gai
         for horizons in (1.0, 1.5, 4.0)
     ],
 )
-def test_without_a_disturbance_led_error_and_error_move_to_convex_means(period, horizons):
+def test_undisturbed_error_and_led_error_follow_the_documented_recursions(period, horizons):
     """`y⁺ = (1 - r) y + r ρ_a ψ(ε)` and `(1 + η) e⁺ = (1 - η) e + η (y + y⁺)`, to rounding, at any period."""
     law, run = mass_run(period, horizons * period)
     log = run.log
@@ -93,7 +93,7 @@ STARTS = ((0.41, 0.0), (-0.41, 0.2), (0.3, -2.0))
         for period in (1e-4, 1e-3, 1e-2, 0.03)
     ],
 )
-def test_without_a_disturbance_no_period_is_too_long_for_the_envelope(period, horizons, start):
+def test_undisturbed_error_stays_in_the_envelope_at_periods_up_to_30_ms(period, horizons, start):
     """As long as the led envelope `ρ + c ρ̇` is one, and the led error starts inside it."""
     law, run = mass_run(period, horizons * period, *start, k1=3.0, k2=5.0, final=0.02)
     lead = law.horizon - 0.5 * period
@@ -125,7 +125,7 @@ def test_the_disturbance_estimate_cancels_a_constant_disturbance():
     np.testing.assert_allclose(run.log.signals["disturbance"][-1], 2.0, rtol=1e-9)
 
 
-def test_the_law_converges_to_the_printed_one_at_first_order_in_the_period():
+def test_sampled_data_law_converges_to_the_printed_law_at_first_order_in_the_period():
     scenario = load("example-4.1", {"simulation.t1": 1.0, "simulation.period": 2e-5})
     printed = scenario.simulate(log_every=40)
     law = law_4_1()
@@ -146,7 +146,7 @@ def test_the_law_converges_to_the_printed_one_at_first_order_in_the_period():
     ("period", "steady", "travel"),
     [(1e-4, (4.5e-9, 9.6e-9), 2110.8), (1e-3, (4.4e-7, 8.9e-7), 2530.0), (2e-3, (2.2e-6, 3.9e-6), 2960.0)],
 )
-def test_without_delay_and_limits_the_steady_error_is_at_most_the_documented_one(period, steady, travel):
+def test_steady_error_without_delay_and_limits_is_within_the_documented_bound(period, steady, travel):
     scenario = load("example-4.1")
     law = sampled_data(law_4_1(layer=0.0), period=period, horizon=period, estimator=Measured(0.0), slopes=False)
     run = simulate(
@@ -191,7 +191,7 @@ def test_prediction_compensates_a_known_delay():
     np.testing.assert_allclose(runs[1].log.e[50:], runs[0].log.e[50:], atol=2e-4)
 
 
-def test_after_lost_samples_the_plan_restarts_and_the_gap_changes_no_estimate():
+def test_lost_samples_restart_the_plan_and_do_not_change_the_disturbance_estimate():
     law = sampled_data(mass_law(), period=1e-3)
     still = Reference(q=jnp.zeros(1), dq=jnp.zeros(1), ddq=jnp.zeros(1))
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
@@ -239,7 +239,7 @@ def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
 
 
 @pytest.mark.parametrize("name", ["example-4.1-1khz", pytest.param("example-4.2-1khz", marks=pytest.mark.full)])
-def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_time(name):
+def test_all_200_starts_outside_the_envelope_are_back_inside_within_2_s(name):
     """Within the torque and rate limits, with a period of delay, a fifth of model error and the disturbance."""
     scenario = load(name)
     law, motion = scenario.controller, scenario.trajectory
@@ -263,7 +263,7 @@ def test_from_two_hundred_starts_outside_the_envelope_all_are_back_inside_in_tim
 H, STEP_PERIOD = 0.012, 1e-3
 
 
-def test_the_super_twisting_step_solves_its_inclusion_and_is_zero_exactly_there():
+def test_the_super_twisting_step_solves_its_implicit_inclusion():
     """`s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ ∈ v - H k2 Sgn(s⁺)`."""
     law = super_twisting_4_2()
     step = sampled_data(law, period=STEP_PERIOD).step
@@ -342,7 +342,7 @@ def test_a_law_without_a_bound_compensates_a_disturbance_up_to_the_torque_limit(
 
 
 @pytest.mark.parametrize("law", [super_twisting_4_2(), anftsmc_4_2(layer=0.01)], ids=["super_twisting", "anftsmc"])
-def test_integral_stands_still_while_the_limits_withhold_torque(law):
+def test_integral_state_stays_constant_while_the_torque_is_limited(law):
     t = jnp.zeros(())
     now, ahead = MOTION_4_2.reference(t), MOTION_4_2.reference(t + STEP_PERIOD)
     start = State(q=START_4_2.q + 0.3, dq=START_4_2.dq)

@@ -181,19 +181,19 @@ def test_every_control_step_is_finite_and_solves_its_two_implicit_equations(name
 
 
 @pytest.mark.parametrize(("name", "period"), EVERY_KIND)
-def test_the_planned_s_is_zero_exactly_where_the_disturbance_is_within_u(name, period):
+def test_planned_sliding_variable_is_zero_exactly_where_u_can_bring_it_to_zero(name, period):
     values = results(name, period)
     assert np.all(values["zero"]) and np.mean(values["held"][values["layer"] == 0] > 0) > 0.9
 
 
 @pytest.mark.parametrize(("name", "period"), EVERY_KIND)
-def test_no_sample_is_outside_where_u_covers_the_disturbance_and_the_loop_rate_rule_holds(name, period):
+def test_envelope_holds_where_u_covers_the_disturbance_and_the_loop_rate_rule_is_met(name, period):
     values = results(name, period)
     assert np.sum(values["promised"]) >= CASES / 2
     np.testing.assert_array_equal(values["violations"][values["promised"]], 0)
 
 
-def test_where_the_loop_rate_rule_fails_some_cases_leave_the_envelope():
+def test_some_cases_outside_the_guarantee_leave_the_envelope():
     """Or the rule would say nothing."""
     slow = results("scara", 4e-3)
     assert np.sum(slow["violations"][~slow["promised"]] > 0) > 5

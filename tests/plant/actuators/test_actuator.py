@@ -54,7 +54,7 @@ def test_the_torque_limit_always_holds(torque, rate, wanted, last):
             assert limited == wanted
 
 
-def test_a_drive_limits_also_the_torque_held_before():
+def test_the_torque_limit_also_applies_to_the_initial_torque():
     actuator = Actuator(TorqueLimits([5.0, 2.0], 100.0), time_constant=0.01, dead_time=1.5)
     memory = actuator.init(jnp.array([12.0, -9.0]))
     for _ in range(4):
@@ -98,7 +98,7 @@ def test_an_ideal_drive_delivers_each_command_through_its_whole_period():
 
 
 @pytest.mark.parametrize("dead_time", [1, 3, 0.25, 1.75, 2.5])
-def test_a_dead_time_shifts_the_commands_to_the_instant(dead_time):
+def test_a_dead_time_delays_the_commands_exactly(dead_time):
     actuator = Actuator(dead_time=dead_time)
     for k, memory in enumerate(memories(actuator, COMMANDS)):
         for share in (0.0, 0.1, 0.249, 0.251, 0.49, 0.51, 0.74, 0.76, 0.999):
@@ -107,7 +107,7 @@ def test_a_dead_time_shifts_the_commands_to_the_instant(dead_time):
             np.testing.assert_array_equal(actuator.delivered(memory, share * PERIOD, PERIOD), expected)
 
 
-def test_a_command_applies_from_its_instant_on():
+def test_a_delayed_command_acts_from_its_exact_instant_on():
     actuator = Actuator(dead_time=1.5)
     memory = memories(actuator, COMMANDS)[4]
     np.testing.assert_array_equal(actuator.delivered(memory, 0.5 * PERIOD, PERIOD), COMMANDS[3])

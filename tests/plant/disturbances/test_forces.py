@@ -19,14 +19,14 @@ def test_friction_opposes_the_velocity_and_takes_energy():
     assert np.all(np.asarray(tau * dq) < 0)
 
 
-def test_friction_is_smoothed_coulomb_plus_viscous_and_none_at_rest():
+def test_friction_is_smoothed_coulomb_plus_viscous_and_zero_at_rest():
     friction = Friction([0.3, 0.2, 0.3], [0.1, 0.05, 0.0], 0.01)
     moving = State(q=jnp.zeros(3), dq=jnp.array([2.0, -3.0, 0.01]))
     np.testing.assert_allclose(friction(jnp.asarray(0.0), moving), [-0.5, 0.35, -0.3 * np.tanh(1.0)], rtol=1e-14)
     np.testing.assert_array_equal(friction(jnp.asarray(0.0), at_rest(3)), np.zeros(3))
 
 
-def test_stribeck_friction_is_all_of_the_excess_when_slow_and_nothing_when_fast():
+def test_stribeck_term_is_the_full_excess_at_low_speed_and_vanishes_at_high_speed():
     stribeck = Stribeck([0.3, 0.2], [0.05, 0.1], 1e-4)
     for dq, expected in (
         ([1e-3, -1e-3], [-0.3, 0.2]),
@@ -38,7 +38,7 @@ def test_stribeck_friction_is_all_of_the_excess_when_slow_and_nothing_when_fast(
     np.testing.assert_array_equal(stribeck(jnp.asarray(0.0), at_rest(2)), np.zeros(2))
 
 
-def test_ripple_repeats_so_many_times_per_turn_and_takes_no_energy_over_one():
+def test_ripple_has_its_number_of_periods_per_turn_and_zero_mean():
     ripple = Ripple([0.5, 0.2], [30.0, 200.0], [0.0, 0.7])
     q = np.linspace(0.0, 2.0 * np.pi, 12001)[:-1, None] * np.ones(2)
     tau = np.asarray(jax.vmap(lambda q: ripple(jnp.asarray(0.0), State(q=q)))(jnp.asarray(q)))
@@ -55,5 +55,5 @@ def test_step_includes_its_start_and_excludes_its_end():
     np.testing.assert_array_equal(Step([2.0], 0.5)(jnp.asarray(1e9), at_rest(1)), [2.0])
 
 
-def test_an_empty_sum_is_no_force():
+def test_an_empty_sum_of_disturbances_has_zero_force():
     np.testing.assert_array_equal(Sum(())(jnp.asarray(0.0), at_rest(3)), np.zeros(3))

@@ -16,7 +16,7 @@ def at(q, dq=0.0):
     return lambda t: State(q=jnp.full(2, q), dq=jnp.full(2, dq))
 
 
-def test_encoder_rounds_to_the_nearest_count_or_not_at_all():
+def test_encoder_rounds_to_the_nearest_count_unless_the_resolution_is_negligible():
     measured = sampled(Encoders([0.1, 0.25]), at(0.37, -1.3))
     np.testing.assert_allclose(measured.state.q[-1], [0.4, 0.25], rtol=1e-15)
     np.testing.assert_array_equal(measured.state.dq[-1], [-1.3, -1.3])
@@ -24,7 +24,7 @@ def test_encoder_rounds_to_the_nearest_count_or_not_at_all():
         np.testing.assert_array_equal(sampled(Encoders(resolution), at(q)).state.q, q)
 
 
-def test_the_derivative_passes_straight_through_the_rounding():
+def test_rounding_has_a_derivative_of_1_by_the_position_and_0_by_the_resolution():
     """By the position it is 1 on and between the counts, by the resolution 0; whatever the joints share of it."""
     q, off = jnp.array([0.37, -0.25, 0.1, 1e300]), jnp.array([1.0, -2.0, 3.0, 4.0])
     for resolution in (jnp.asarray(0.1), jnp.array([0.1, 0.25, 0.0, 1e-3])):
@@ -43,7 +43,7 @@ def test_noise_is_white_with_its_deviation_per_joint():
     np.testing.assert_allclose(np.corrcoef(noise[:-1].T, noise[1:].T)[:4, 4:], 0.0, atol=0.03)
 
 
-def test_noise_comes_before_rounding():
+def test_noise_is_added_before_rounding():
     measured = np.asarray(sampled(Encoders(0.1, 0.3), at(0.0), samples=200).state.q)
     np.testing.assert_allclose(measured / 0.1, np.round(measured / 0.1), atol=1e-12)
     assert np.ptp(measured) > 0.5

@@ -46,7 +46,7 @@ def test_a_cubic_motion_is_delayed_without_error(periods):
     np.testing.assert_allclose(measured.dq[4:], old.dq[4:], atol=1e-12)
 
 
-def test_between_samples_the_error_is_of_order_four_in_the_position_and_three_in_the_velocity():
+def test_interpolation_error_is_of_order_four_in_position_and_three_in_velocity():
     errors = []
     for period in (0.04, 0.02):
         samples = round(4.0 / period)
@@ -66,7 +66,7 @@ def test_a_delayed_sensor_assumes_constant_velocity_before_the_start(periods):
         np.testing.assert_array_equal(measured.dq[k], start.dq)
 
 
-def test_jittered_instants_fill_their_range_and_never_lie_ahead():
+def test_jittered_delays_fill_their_range_and_are_never_negative():
     def ages(periods, jitter):
         measured = np.asarray(sampled(Delayed(Exact(), periods, jitter), clock, 5000).state.q)[:, 0]
         return np.arange(5000) - measured / 1e-2
@@ -78,7 +78,7 @@ def test_jittered_instants_fill_their_range_and_never_lie_ahead():
     assert clipped.min() > -1e-6 and np.mean(np.abs(clipped) < 1e-6) == pytest.approx(0.4, abs=0.03)
 
 
-def test_a_jittered_sample_has_the_age_that_its_seed_draws():
+def test_the_seed_determines_the_ages_of_jittered_samples():
     """The age is read off a clock with the same seed."""
 
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]

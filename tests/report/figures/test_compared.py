@@ -34,7 +34,7 @@ def bands(figure):
     return [artist for axes in figure.axes for artist in axes.collections if isinstance(artist, PolyCollection)]
 
 
-def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_axis(runs):
+def test_each_joint_has_errors_on_a_linear_and_absolute_errors_on_a_logarithmic_axis(runs):
     figure = figures.compared_errors(runs, bands={"1e-3": [1e-3, 1e-3]})
     assert [axes.get_ylabel() for axes in figure.axes] == [
         *("$e_{1}$  [rad]", "$|e_{1}|$  [rad]", "$e_{2}$  [rad]", "$|e_{2}|$  [rad]")
@@ -45,20 +45,20 @@ def test_each_joint_has_the_errors_on_a_linear_and_their_sizes_on_a_logarithmic_
     assert figure.axes[3].get_xlim()[1] == pytest.approx(3.0)
 
 
-def test_an_envelope_is_shown_if_it_is_the_only_one(runs):
+def test_an_envelope_is_drawn_only_if_a_single_run_has_an_envelope(runs):
     only = figures.compared_errors(runs)
     assert len(bands(only)) == 4 and legend(only) == [*runs, "envelope of cftsmppc"]
     assert not bands(figures.compared_errors({"one": runs["cftsmppc"], "two": runs["cftsmppc"]}))
     assert not bands(figures.compared_errors({"one": runs["ftsmc"]}))
 
 
-def test_a_torque_that_chatters_is_a_band_and_a_smooth_one_is_a_line(runs):
+def test_chattering_torque_is_drawn_as_a_band_and_smooth_torque_as_a_line(runs):
     assert bands(figures.compared_torques({"ftsmc": runs["ftsmc"]}))
     assert not bands(figures.compared_torques({"pd": runs["gravity_pd"]}))
     assert not bands(figures.compared_torques({"cftsmppc": runs["cftsmppc"]}))
 
 
-def test_a_ripple_on_a_steep_torque_is_a_line_and_chattering_is_a_band_around_it():
+def test_chatter_detection_ignores_a_small_ripple_and_bounds_chattering_by_a_band():
     """As a sampled-data law's: from 32 to -18 N m in 30 ms, with .1 N m to and fro from sample to sample."""
     t = np.arange(4000) * 5e-4
     motion = 32.0 - 50.0 / (1.0 + np.exp(-(t - 0.5) / 5e-3)) + 18.0 * np.clip(t - 0.55, 0.0, 1.0)
@@ -96,7 +96,7 @@ def test_joint_labels_drop_the_words_that_all_joint_names_share(runs):
     assert [label.get_text() for label in bars.axes[0].get_xticklabels()] == ["shoulder", "elbow"]
 
 
-def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs):
+def test_a_chattering_band_reaches_from_the_lowest_to_the_highest_torque(runs):
     log = runs["ftsmc"].log
     k = np.arange(len(log.t))[:, None]
     switching = eqx.tree_at(lambda r: r.log.tau, runs["ftsmc"], np.where(k % 2, 30.0, -20.0) * np.ones((1, 2)))
@@ -106,7 +106,7 @@ def test_a_band_reaches_from_the_lowest_to_the_highest_torque(runs):
 
 
 @pytest.mark.parametrize("draw", DRAWN)
-def test_figure_of_noise_has_a_small_svg(runs, draw):
+def test_svg_of_noisy_signals_is_small_and_reproducible(runs, draw):
     rng = np.random.default_rng(0)
     noisy = {f"run {i}": eqx.tree_at(lambda r: r.log.tau, run, rng.normal(size=run.log.tau.shape)) for i, run in
              enumerate([*runs.values()] * 2)}  # fmt: skip
@@ -156,7 +156,7 @@ def test_the_crest_line_joins_the_peaks_from_the_first_to_the_last_time():
     assert crest(t[:20], t[:20], 50)[0] is not None
 
 
-def test_tip_paths_lie_over_the_desired_path_and_stray_paths_are_cut_off():
+def test_tip_path_axes_ignore_stray_paths_and_spatial_paths_have_two_views():
     turn = np.linspace(0, 6, 500)
     goal = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     figure = figures.compared_tip_paths({"near": 0.9 * goal, "astray": 1e9 * goal}, goal)
@@ -170,7 +170,7 @@ def test_tip_paths_lie_over_the_desired_path_and_stray_paths_are_cut_off():
     ]
 
 
-def test_the_picture_of_tip_paths_shows_where_a_far_start_is():
+def test_tip_path_axes_include_a_distant_start():
     turn = np.linspace(0, 1, 100)
     goal = np.stack([turn, 0 * turn, 0 * turn], axis=1)
     away = goal + np.stack([0 * turn, -1.9 * np.exp(-9 * turn), 0 * turn], axis=1)
@@ -179,7 +179,7 @@ def test_the_picture_of_tip_paths_shows_where_a_far_start_is():
 
 
 @pytest.mark.parametrize(("values", "ticks"), [([0.02, 0.3], {"0.02", "0.1", "0.2"}), ([150.0, 900.0], {"200", "500"})])
-def test_bars_within_three_decades_have_plain_numbers(values, ticks):
+def test_bars_within_three_decades_have_plain_tick_labels(values, ticks):
     (axes,) = figures.metric_bars({"one": values}, "IAE").axes
     axes.figure.draw_without_rendering()
     assert ticks <= {text.get_text() for text in axes.get_yticklabels()}

@@ -65,7 +65,7 @@ def test_legend_names_error_and_envelope_above_the_panels_and_no_label_overlaps_
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
 
 
-def test_a_scheme_without_envelope_is_drawn_without_one(run):
+def test_a_run_without_an_envelope_is_drawn_without_a_band(run):
     free = eqx.tree_at(lambda r: r.log.envelope, run, None, is_leaf=lambda x: x is None)
     figure = figures.tracking_error(free)
     assert not any(axes.collections for axes in figure.axes)
@@ -92,7 +92,7 @@ def test_errors_of_several_runs_are_drawn_with_printed_levels(run):
     assert [axes.lines[-1].get_ydata()[0] for axes in figure.axes] == [1e-3, 2e-3]
 
 
-def test_a_planar_path_has_one_view_and_a_spatial_one_two_all_with_equal_axes():
+def test_planar_tip_path_has_one_view_and_spatial_path_two_with_equal_scales():
     turn = np.linspace(0, 6, 50)
     flat = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     spatial = flat + np.stack([0 * turn, 0 * turn, turn], axis=1)
@@ -156,7 +156,7 @@ def test_an_svg_is_small_reproducible_and_has_no_date_or_typeface(run, tmp_path)
     assert figures.save(figures.torque(run), tmp_path / "torque.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_shortened_svg_path_draws_the_same_line(run):
+def test_a_shortened_svg_path_keeps_the_peak(run):
     """The peak of the torque is found again in the SVG: among its points is the highest of the panel."""
     figure = figures.torque(run)
     text = figures.to_svg(figure, "torque")
@@ -167,7 +167,7 @@ def test_a_shortened_svg_path_draws_the_same_line(run):
     assert f" {y:.2f}" in text or f" {y:.1f} " in text
 
 
-def test_every_colour_of_a_figure_has_one_for_dark_pages(run):
+def test_every_colour_of_a_figure_has_a_counterpart_for_dark_pages(run):
     for draw in (figures.torque, figures.tracking_error):
         text = figures.to_svg(draw(run), "dark")
         assert "prefers-color-scheme:dark" in text
@@ -195,7 +195,7 @@ def test_a_line_contrasts_with_light_and_dark_pages(look):
     assert contrast(DARK.get(color, color), DARK["#ffffff"]) >= 3.0
 
 
-def test_marks_change_their_colours_in_the_dark_too():
+def test_dark_colour_rules_also_match_marks_in_shadow_trees():
     """Browsers draw a mark in a shadow tree, in which a rule with an ancestor in its selector finds nothing."""
     rules = re.findall(r"([^{}]+)\{[^{}]*!important\}", dark_rules("figure svg"))
     assert len(rules) == 2 * len(DARK)
@@ -228,7 +228,7 @@ def test_importing_slidax_does_not_load_matplotlib():
     assert done.stdout.split() == ["False", "False"]
 
 
-def test_running_a_scenario_loads_neither_drawing_nor_statistics():
+def test_running_a_scenario_loads_neither_plotting_nor_statistics_packages():
     code = """
 import sys
 from slidax.cli import main

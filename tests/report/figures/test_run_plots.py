@@ -21,7 +21,7 @@ def test_a_plot_draws_all_joints_into_the_callers_axes(scenario, name, unit):
     assert axes.get_ylabel().endswith(f"[{unit}]")
 
 
-def test_a_plot_without_axes_makes_a_figure(scenario):
+def test_a_plot_without_axes_creates_a_figure(scenario):
     run = scenario.simulate(progress=False)
     assert all(isinstance(plot(), Figure) for plot in (run.plot.errors, run.plot.torques, run.plot.envelope))
     axes = Figure().subplots()

@@ -35,7 +35,7 @@ def test_tick_labels_of_histograms_do_not_touch(runs, scale):
         assert all(left.x1 + 3 < right.x0 for left, right in pairwise(boxes))
 
 
-def test_few_runs_have_few_bars_and_a_linear_count_and_many_runs_a_logarithmic_one():
+def test_histogram_count_axis_is_linear_for_few_runs_and_logarithmic_for_many():
     few, many = (RANDOM.normal(size=runs) for runs in (60, 50_000))
     figure = figures.histograms({"few": few, "many": many})
     (bars,), (more,) = ([*axes.patches] for axes in figure.axes[:2])
@@ -44,13 +44,13 @@ def test_few_runs_have_few_bars_and_a_linear_count_and_many_runs_a_logarithmic_o
     assert [axes.get_yscale() for axes in figure.axes[:2]] == ["linear", "symlog"]
 
 
-def test_values_with_a_distant_outlier_have_a_bounded_number_of_bars():
+def test_histograms_with_a_distant_outlier_have_a_bounded_number_of_bars():
     values = np.concatenate([RANDOM.normal(size=50), [1e9]])
     figure = figures.histograms({"a": values, "b": np.repeat([1.0, 2.0], [80, 2])})
     assert [len(axes.patches[0].get_data().values) for axes in figure.axes[:2]] == [20, 20]
 
 
-def test_tick_labels_of_margins_do_not_touch():
+def test_tick_labels_of_margin_charts_do_not_touch():
     values = {f"parameter {k}": scale * (1.0 + RANDOM.random(60)) for k, scale in enumerate((5e-5, 0.02, 3e4))}
     figure = figures.margin_over(RANDOM.random(60), values)
     for axes in figure.axes[:3]:
@@ -64,7 +64,7 @@ def test_every_kind_of_chart_has_a_function_that_draws_it(kind):
     assert callable(getattr(figures, kind))
 
 
-def test_tick_labels_of_a_front_do_not_touch():
+def test_tick_labels_of_a_pareto_front_do_not_touch():
     error, step = np.geomspace(1.8e-7, 1.3e-6, 12), np.geomspace(0.16, 0.042, 12)
     figure = figures.pareto_front(["error", "step"], np.stack([error, step], axis=1), np.array([1.83e-7, 0.1586]), 0)
     boxes = [label.get_window_extent() for label in shown_labels(figure, figure.axes[0].xaxis)]

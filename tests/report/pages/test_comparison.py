@@ -100,7 +100,7 @@ def test_values_that_are_not_finite_become_null(rivals):
     assert result["best"]["torque_energy"] == [["cftsmppc"], ["cftsmppc"]]
 
 
-def test_many_schemes_take_several_tables_and_runs_without_a_log_no_figures(rivals, tmp_path):
+def test_comparison_of_many_unlogged_runs_has_several_tables_and_no_figures(rivals, tmp_path):
     unlogged = replace(rivals["cftsmppc"], run=eqx.tree_at(lambda r: r.log, rivals["cftsmppc"].run, None))
     many = {f"scheme {i}": unlogged for i in range(14)}
     text = write_comparison(many, tmp_path).read_text(encoding="utf-8")

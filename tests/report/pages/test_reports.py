@@ -74,7 +74,7 @@ def test_the_report_of_a_run_has_its_outcome_and_command(report):
     assert "inertia_max: 0.2" in text
 
 
-def test_a_bad_outcome_is_shown_with_the_metrics_up_to_it(tmp_path):
+def test_a_bad_outcome_is_shown_with_its_message(tmp_path):
     changes = {"simulation.t1": 0.5, "scheme.performance.deadline": [0.05, 0.05]}
     scenario = scenarios.load("example-4.1", changes)
     run = scenario.simulate(progress=False)
@@ -100,12 +100,12 @@ def test_a_run_without_a_log_has_a_report_without_figures(tmp_path):
         ("example-4.2-1khz", {"sensor.loss.outages": [{"start": 1.0, "samples": 5}], "scheme.sampled_data": None}),
     ],
 )
-def test_the_parameters_in_a_report_make_the_same_scenario(name, changes):
+def test_the_parameters_in_a_report_define_the_same_scenario(name, changes):
     scenario = scenarios.load(name, changes)
     assert scenarios.parse(as_yaml(scenario.description)) == scenario.description
 
 
-def test_tip_path_is_the_forward_kinematics_of_the_joints():
+def test_tip_paths_cover_all_samples_and_start_at_the_tip_of_the_first_posture():
     scenario = scenarios.load("example-4.1", {"simulation.t1": 0.5})
     run = scenario.simulate(progress=False)
     actual, desired = tip_paths(scenario.plant.robot, run)

@@ -23,7 +23,7 @@ def drawn(swing):
     return draw(run, plant, rate=60.0, most=1000)
 
 
-def test_a_film_has_its_frames_evenly_from_the_first_sample_to_the_last(drawn):
+def test_replay_frames_are_evenly_spaced_from_the_first_sample_to_the_last(drawn):
     t = drawn.motion.t
     assert len(t) == 31
     np.testing.assert_allclose(np.diff(t), 1 / 60, rtol=1e-9)
@@ -58,7 +58,7 @@ def test_a_long_run_has_fewer_frames_per_second(swing):
 
 
 @pytest.mark.parametrize("wild", [np.nan, np.inf, -1e300])
-def test_the_end_of_a_run_that_failed_is_left_out(wild, swing):
+def test_replay_omits_the_samples_after_a_run_has_diverged(wild, swing):
     plant, run = swing
     for where in (lambda run: run.log.state.q, lambda run: run.log.tau):
         values = np.array(where(run))
@@ -67,7 +67,7 @@ def test_the_end_of_a_run_that_failed_is_left_out(wild, swing):
         assert film.t[-1] == run.log.t[-3] and np.isfinite(film.actual.positions).all()
 
 
-def test_a_run_without_a_log_and_one_of_another_robot_are_refused(swing):
+def test_runs_without_a_log_or_of_another_robot_are_refused(swing):
     plant, run = swing
     with pytest.raises(DefinitionError, match="log_every"):
         draw(dataclasses.replace(run, log=None), plant, rate=60.0, most=1000)
@@ -124,7 +124,7 @@ def test_the_camera_sees_wide_and_high_scenes(size):
     assert diagonal == pytest.approx(np.linalg.norm(size))
 
 
-def test_side_by_side_the_arms_do_not_meet(drawn):
+def test_the_arms_do_not_overlap_side_by_side(drawn):
     points = drawn.stage.points(np.concatenate([drawn.motion.actual.positions.reshape(-1, 3), drawn.motion.actual_tip]))
     aside = drawn.stage.shift / np.linalg.norm(drawn.stage.shift)
     assert np.linalg.norm(drawn.stage.shift) > np.ptp(points @ aside)
@@ -146,7 +146,7 @@ def _links(solids, body):
     return link.vertices
 
 
-def test_a_slide_has_a_rod_that_always_reaches_its_sleeve():
+def test_the_rod_of_a_prismatic_joint_always_reaches_its_sleeve():
     scenario = scara()
     run = scenario.simulate(progress=False)
     drawn = draw(run, scenario.plant, rate=60.0, most=1000)
@@ -169,7 +169,7 @@ def test_the_reference_arm_is_thinner_so_that_the_true_arm_hides_it(drawn):
     assert radius - 0.011 < thin < radius - 0.005
 
 
-def test_the_torque_is_limited_by_the_data_sheet_and_by_the_drive():
+def test_drawn_torque_limits_are_the_lower_of_arm_and_drive_limits():
     plant, run = crane_run(torque=30.0)
     for arm, limits in ((plant.robot, [20.0, 40.0]), (plant, [20.0, 30.0])):
         np.testing.assert_array_equal(draw(run, arm, rate=9.0, most=9, plain=True).torque_limits, limits)

@@ -47,7 +47,7 @@ def vertices_at(robot, solid, q):
     return solid.vertices @ poses.rotations[0, solid.body].T + poses.positions[0, solid.body]
 
 
-def test_meshes_go_with_the_bodies_that_carry_them(urdf):
+def test_meshes_move_with_the_bodies_that_carry_them(urdf):
     robot = crane()
     solids = {solid.body: solid for solid in mesh_solids(skeleton_of(robot), urdf, tools=True)}
     assert sorted(solids) == [0, 1, 2] and solids[1].colour == (255, 0, 0)
@@ -72,7 +72,7 @@ def test_the_urdf_of_another_robot_is_refused(urdf):
         mesh_solids(skeleton_of(crane(height=0.31)), urdf, tools=True)
 
 
-def test_a_urdf_without_meshes_or_none_at_all_is_refused(urdf, tmp_path):
+def test_a_urdf_without_meshes_and_a_missing_urdf_are_refused(urdf, tmp_path):
     bare = tmp_path / "bare.urdf"
     bare.write_text(re.sub("<visual>.*</visual>", "", urdf.read_text()))
     with pytest.raises(DefinitionError, match="has no meshes"):
@@ -85,7 +85,7 @@ def with_a_mesh(urdf, name):
     urdf.write_text(urdf.read_text().replace('<box size="0.5 0.04 0.06"/>', f'<mesh filename="{name}" scale="2 1 1"/>'))
 
 
-def test_a_mesh_is_read_scaled_and_coloured_as_the_file_says(urdf):
+def test_a_mesh_has_the_scale_and_colour_of_the_urdf(urdf):
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.box(extents=[0.25, 0.04, 0.06]).export(urdf.parent / "boom.stl")
     boxes = {solid.body: solid for solid in mesh_solids(skeleton_of(crane()), urdf, tools=True)}
@@ -106,7 +106,7 @@ def test_a_missing_mesh_is_named_and_the_others_are_drawn(urdf, text):
     assert len(caught) == 1 and sorted(solid.body for solid in solids) == [0, 2]
 
 
-def test_without_meshes_the_arm_has_plain_shapes(urdf):
+def test_an_arm_without_readable_meshes_has_plain_shapes(urdf):
     with_a_mesh(urdf, "lost.stl")
     urdf.write_text(re.sub("<visual><geometry>.*</visual>", "", urdf.read_text()))
     plant, run = crane_run(torque=20.0)
@@ -117,7 +117,7 @@ def test_without_meshes_the_arm_has_plain_shapes(urdf):
 
 
 @pytest.mark.parametrize("name", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"])
-def test_links_are_where_pinocchio_has_them(name):
+def test_drawn_link_poses_agree_with_pinocchio(name):
     pinocchio = pytest.importorskip("pinocchio")
     (folder,) = _folders() or pytest.skip("example-robot-data is not installed")
     urdf, model = urdf_drawing(folder / name), pinocchio.buildModelFromUrdf(str(folder / name))
@@ -134,7 +134,7 @@ def test_links_are_where_pinocchio_has_them(name):
 
 
 @pytest.mark.skipif(not _folders(), reason="example-robot-data is not installed")
-def test_meshes_of_a_built_in_robot_are_found_by_its_joint_names():
+def test_find_urdf_locates_meshes_of_a_built_in_robot_by_its_joint_names():
     skeleton = skeleton_of(arms.xarm7())
     result = find_urdf(skeleton)
     assert result is not None and result.name == "xarm7.urdf"

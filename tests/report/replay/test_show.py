@@ -24,7 +24,7 @@ def view(swing):
         yield view
 
 
-def test_the_page_is_served_on_a_free_port_until_it_is_stopped(swing):
+def test_the_replay_page_is_served_on_a_free_port_until_it_is_stopped(swing):
     plant, run = swing
     opened = []
     with pytest.MonkeyPatch.context() as patch:
@@ -84,7 +84,7 @@ def test_the_paths_of_both_tips_are_thin_lines_from_start_to_end(view):
         assert line.thickness_units == "screen"
 
 
-def test_the_charts_have_the_error_in_its_envelope_and_a_line_at_the_time(view):
+def test_replay_charts_show_the_error_in_its_envelope_and_the_current_time(view):
     log = view._drawing.run.log
     view._chart(1)
     view._show(0.2)

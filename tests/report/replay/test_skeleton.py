@@ -32,7 +32,7 @@ def test_the_bodies_of_a_skeleton_are_the_arms_frames():
         np.testing.assert_allclose(poses.positions[k, 1:], places, atol=1e-12)
 
 
-def test_the_paper_arms_are_three_points_and_four():
+def test_skeletons_of_the_papers_arms_have_the_expected_points():
     np.testing.assert_allclose(
         skeleton(TWO_LINK, [np.pi / 2, -np.pi / 2]), [[0, 0, 0], [0, 1.2, 0], [0.8, 1.2, 0]], atol=1e-12
     )

@@ -53,7 +53,7 @@ def assert_with_the_tip(moved, picture, frames):
         np.testing.assert_allclose(load_of(picture).positions[frame], place, atol=1e-9)
 
 
-def test_payload_is_the_box_with_its_mass_and_moments(ours):
+def test_payload_is_drawn_as_the_box_with_its_mass_and_inertia(ours):
     vertices = load_of(drawn(ours)).solid.vertices
     np.testing.assert_allclose(vertices.max(axis=0), CENTER + SIDES / 2, atol=1e-12)
     np.testing.assert_allclose(vertices.min(axis=0), CENTER - SIDES / 2, atol=1e-12)
@@ -81,7 +81,7 @@ def test_released_payload_follows_its_free_motion(mujocos):
     assert load.positions[-1, 2] < picture.motion.actual_tip[-1, 2] - 0.02
 
 
-def test_between_two_samples_a_falling_box_is_between_their_poses(mujocos):
+def test_pose_of_a_falling_box_is_interpolated_between_samples(mujocos):
     plant, run = mujocos
     way = run.load
     coarse = eqx.tree_at(lambda way: (way.t, way.rotation, way.position), way, (way.t[::25], *_every(way, 25)))
@@ -127,7 +127,7 @@ def with_table(ours, height, gravity):
 @pytest.mark.parametrize(
     ("height", "gravity"), [(-0.5, (0.0, 0.0, -9.81)), (0.0, (0.0, 9.81, 0.0)), (0.31, (6.0, 0.0, -8.0))]
 )
-def test_the_table_is_level_at_its_height_against_gravity(height, gravity, ours):
+def test_the_table_is_perpendicular_to_gravity_at_its_height(height, gravity, ours):
     picture = with_table(ours, height, gravity)
     stage = picture.stage
     based = (picture.table.vertices - stage.base) @ stage.rotation
@@ -159,7 +159,7 @@ def test_the_camera_sees_the_table_and_the_payload_on_it(mujocos):
     assert_seen(picture.stage.camera, picture.stage.target, np.concatenate([box, picture.table.vertices]))
 
 
-def test_payload_that_falls_forever_leaves_the_picture(mujocos):
+def test_a_payload_that_falls_far_does_not_enlarge_the_scene(mujocos):
     plant, run = mujocos
     place = run.load.position - np.linspace(0, 1000, len(run.load.t))[:, None] * [0, 0, 1]
     bare = eqx.tree_at(lambda plant: plant.surroundings, plant, None)

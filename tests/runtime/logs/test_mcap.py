@@ -66,7 +66,7 @@ def test_log_is_read_back_bit_for_bit(tmp_path):
             np.testing.assert_array_equal(actual[name], column)
 
 
-def test_other_software_reads_the_same_message():
+def test_mcap_ros2_decodes_a_message_to_the_same_values():
     rng = np.random.default_rng(2)
     message = Message(
         "/x",
@@ -94,7 +94,7 @@ def test_other_software_reads_the_same_message():
     assert (decode(packed[0]).header.stamp.sec, decode(packed[0]).header.stamp.nanosec) == (1, 500_000_000)
 
 
-def test_other_software_reads_joint_states(tmp_path):
+def test_ros_2_joint_states_of_a_log_are_read_back(tmp_path):
     law, _, _ = written(tmp_path / "log.mcap", np.random.default_rng(3))
     messages = list(read_joint_states(tmp_path / "log.mcap").messages)
     assert len(messages) == ROWS and messages[5]["name"] == ["shoulder", "élbow"]
@@ -144,7 +144,7 @@ def test_log_whose_scenario_is_not_text_is_refused_in_one_line(tmp_path, command
     assert "no UTF-8 text" in lines[0]
 
 
-def test_log_of_other_software_is_refused(tmp_path):
+def test_mcap_file_of_other_software_is_refused_as_a_slidax_log(tmp_path):
     import foxglove
 
     context = foxglove.Context()

@@ -147,7 +147,7 @@ class _Evaluation:
     def value(self, node: ast.expr) -> Any:
         self.steps += 1
         if self.steps > LONGEST:
-            raise ExpressionError(f"more than {LONGEST} steps")
+            raise ExpressionError(f"the expression takes more than {LONGEST} steps")
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
             raise ExpressionError(f"`{type(node).__name__}` is not supported")
@@ -203,13 +203,13 @@ class _Evaluation:
             raise ExpressionError("only a function can be called, by its name")
         called = self.value(node.func)
         if not callable(called):
-            raise ExpressionError("this is called, but it is not a function")
+            raise ExpressionError("only a function can be called")
         return called(*arguments, **options)
 
     def _refuse_long(self, *texts: Any) -> None:
         sizes = [len(text) for text in texts if isinstance(text, str | list | tuple)]
         if math.prod(size + 1 for size in sizes) > LONGEST:
-            raise ExpressionError("the texts are too long")
+            raise ExpressionError("the texts of `replace` or `join` are too long")
 
     def _binop(self, node: ast.BinOp) -> Any:
         left, right = self.value(node.left), self.value(node.right)
@@ -231,7 +231,7 @@ class _Evaluation:
             return left * right
         if kind is ast.Mod:
             if isinstance(left, str) and re.search(r"\d{4}|\*", left):
-                raise ExpressionError("the format is too wide")
+                raise ExpressionError("a format must not have `*`, or a number of four digits")
             return left % right
         if kind not in OPERATORS:
             raise ExpressionError(f"`{kind.__name__}` is not supported")

@@ -40,7 +40,7 @@ class ArmInFile:
 
     - `joints`: moving joints in order from the base.
     - `tip`: link or body at the end.
-    - `locked`: positions of held joints, rad or m.
+    - `locked`: positions of all other moving joints, which are held, rad or m.
     """
 
     joints: tuple[str, ...]
@@ -50,7 +50,11 @@ class ArmInFile:
 
 @dataclass(frozen=True)
 class _Edge:
-    """A joint between two links; `held` is its position if it is not part of the arm, None for a fixed joint."""
+    """A joint between two links.
+
+    - `held`: its position if it is not part of the arm, rad or m; None for a fixed joint.
+    - `follows`: True if it follows or leads another joint.
+    """
 
     name: str
     parent: str
@@ -60,15 +64,15 @@ class _Edge:
 
     @property
     def is_of_a_hand(self) -> bool:
-        """True if it follows or leads another joint, or has the name of a finger."""
+        """True if the joint follows or leads another, or has the name of a finger."""
         return self.follows or FINGER.search(self.name) is not None
 
 
 def find_arm(source: str | Path, tip: str | None = None) -> ArmInFile:
     """Return the arm in a robot file, URDF or MJCF.
 
-    Followers and joints with names of fingers are held at the position nearest to 0, and so are side branches: at each
-    branch the longest chain continues, and it ends where only fingers remain.
+    The arm is the longest chain of moving joints, and ends where only fingers remain. All other joints are held near 0:
+    side branches, joints that follow or lead others, and joints with names of fingers.
 
     - `source`: path of the file.
     - `tip`: the link or body at the end; by default the last moving link, or a tool's link fixed to it.
@@ -105,7 +109,7 @@ class _Tree:
         return ArmInFile(names, end, held)
 
     def _left_out_message(self) -> str:
-        """Return a message with the joints that count as those of a hand, and the remedy."""
+        """Return text on the joints that count as those of a hand, with the remedy; empty if there are none."""
         names = [edge.name for edge in self._edges if edge.held is not None and edge.is_of_a_hand]
         reason = "follow or lead others, or have names of fingers; name the arm's end by `--tip LINK`"
         return f": {quote_names(names)} {reason}" if names else ""
@@ -139,7 +143,7 @@ class _Tree:
             link = branches[0].child
 
     def _end(self, edge: _Edge) -> str:
-        """The last moving link on the longest branch."""
+        """Return the last moving link on the longest branch."""
         last = edge.child
         while True:
             branches = sorted(self._below.get(edge.child, ()), key=self._length, reverse=True)
@@ -149,14 +153,14 @@ class _Tree:
             last = edge.child if edge.held is not None else last
 
     def _length(self, edge: _Edge) -> int:
-        """Number of an arm's joints in series from this joint on."""
+        """Return the largest number of moving joints in series from this joint on; 0 for a joint of a hand."""
         if edge.held is not None and edge.is_of_a_hand:
             return 0
         further = max((self._length(branch) for branch in self._below.get(edge.child, ())), default=0)
         return further + (edge.held is not None)
 
     def _tip(self, link: str) -> str:
-        """The last moving link, or a link fixed to it that has a tool's name."""
+        """Return the link fixed to `link` that has a tool's name; `link` itself if there is none."""
         fixed = [link]
         for end in fixed:
             fixed += [edge.child for edge in self._below.get(end, ()) if edge.held is None]

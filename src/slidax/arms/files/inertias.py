@@ -91,7 +91,7 @@ class RigidInertias:
         strict = '; inertias="strict" refuses them' if self._how == "given" else ""
         for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
             notes.add(
-                "inertias are changed to the nearest that a rigid body can have, by a part of the largest principal "
+                "inertias are changed to the nearest that a rigid body can have, by a share of the largest principal "
                 f"moment: {{}}{strict}",
                 f"{owner} ({100 * self._changes[owner]:.2g} %)",
             )

@@ -34,7 +34,7 @@ def actuators_of_joint(model: Any, joint: int) -> list[int]:
 def torque_limits(model: Any) -> np.ndarray:
     """Return the torque limit of each joint, equal in both directions, N m or N; infinite if the file has none.
 
-    Raises DefinitionError, naming the joint, if its range does not contain both directions.
+    Raises DefinitionError, naming the joint, if its torque range does not contain both directions.
     """
     limits = []
     for joint in range(model.njnt):
@@ -44,8 +44,8 @@ def torque_limits(model: Any) -> np.ndarray:
             lower, upper = max(lower, low), min(upper, high)
         if not lower < 0.0 < upper:
             raise DefinitionError(
-                f"the torque of joint `{model.joint(joint).name}` must go both ways; its range is {lower:g} to "
-                f"{upper:g}"
+                f"the torque of joint `{model.joint(joint).name}` must act in both directions; its range is "
+                f"{lower:g} to {upper:g}"
             )
         limits.append(min(-lower, upper))
     return np.array(limits)
@@ -205,7 +205,7 @@ def from_mjcf(
     DefinitionWarning. Other forces on the joints are errors: springs, tendons, equalities, compensated gravity.
 
     - `source`: path of the file, or its text.
-    - `tip`: name of the body or site whose frame is the tip; optional if only one moving body carries no other.
+    - `tip`: name of the body or site whose frame is the tip; optional if only one moving body carries no other body.
     - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
     - `gravity`: acceleration in the world's frame [3], m/s²; by default the file's.
     - `meshes`: True if every mesh must exist. Only meshes that define a body's inertia are read.
@@ -235,7 +235,7 @@ def from_mjcf(
             feasible.of_bodies(spec)
             model = spec.compile()
             if any("NaN" in line for line in messages):
-                raise DefinitionError("a file that this one includes has a number that is NaN")
+                raise DefinitionError("an included file has a number that is NaN")
             check_compiled(model, held)
             joints = joints_of(model, tip)
             check_motion(model, joints, held)
@@ -287,7 +287,7 @@ def _only_leaf(model: Any) -> str:
     if not leaves:
         raise DefinitionError("the file has no joint that moves a body")
     if len(leaves) > 1:
-        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other")
+        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other body")
     return str(leaves[0])
 
 

@@ -71,7 +71,7 @@ def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
     for body in range(1, model.nbody):
         if model.body_gravcomp[body] and _carrier(model, body, free):
             raise DefinitionError(
-                f"body `{model.body(body).name}` has gravcomp, which takes off its weight; remove it, and compensate "
+                f"body `{model.body(body).name}` has gravcomp, which cancels its weight; remove it, and compensate "
                 f"gravity in the law"
             )
 
@@ -96,7 +96,7 @@ def _check_finite(model: Any) -> None:
         if not finite.all():
             wrong = model.actuator(int(np.argmin(finite)))
             name = wrong.name or f"number {wrong.id + 1}"
-            raise DefinitionError(f"{field} of actuator `{name}` must be finite, as its square")
+            raise DefinitionError(f"{field} of actuator `{name}` and its square must be finite")
     for field in ("armature", "damping", "frictionloss"):
         values = getattr(model, f"dof_{field}")
         wrong = ~np.isfinite(values) | (values < 0)
@@ -110,23 +110,25 @@ def _check_options(model: Any) -> None:
     bits = mujoco().mjtDisableBit
     if model.opt.density or model.opt.viscosity:
         raise DefinitionError(
-            f"the option density {model.opt.density:g} or viscosity {model.opt.viscosity:g} is drag of the air, which "
-            f"an arm here does not have; remove it"
+            f"the option density {model.opt.density:g} or viscosity {model.opt.viscosity:g} causes drag, which "
+            f"slidax does not model; remove it"
         )
     for flag, values in (("damper", model.dof_damping), ("frictionloss", model.dof_frictionloss)):
         off = int(bits.mjDSBL_DAMPER if flag == "damper" else bits.mjDSBL_FRICTIONLOSS | bits.mjDSBL_CONSTRAINT)
         if model.opt.disableflags & off and np.any(values):
             joint = model.joint(int(model.dof_jntid[int(np.argmax(values != 0))])).name
-            raise DefinitionError(f"the flag {flag} is off, but joint `{joint}` has such a force; remove one of them")
+            raise DefinitionError(
+                f"the flag {flag} is off, but joint `{joint}` has this force; remove the flag or the force"
+            )
 
 
 def _check_joints(model: Any, free: set[int]) -> None:
     for joint in sorted(free):
         name = model.joint(joint).name
         if model.jnt_stiffness[joint] or np.any(model.jnt_stiffnesspoly[joint]):
-            raise DefinitionError(f"joint `{name}` has stiffness, a spring, which an arm here does not have; remove it")
+            raise DefinitionError(f"joint `{name}` has stiffness, a spring, which slidax does not model; remove it")
         if np.any(model.dof_dampingpoly[model.jnt_dofadr[joint]]):
-            raise DefinitionError(f"the damping of joint `{name}` is not a straight line; give one number")
+            raise DefinitionError(f"the damping of joint `{name}` is not linear in the velocity; give one number")
 
 
 def _check_equalities(model: Any, free: set[int]) -> None:
@@ -153,8 +155,8 @@ def _check_equalities(model: Any, free: set[int]) -> None:
             held, between = False, []
         if not held:
             raise DefinitionError(
-                f"the equality `{name}` ties {' and '.join(f'`{end}`' for end in between) or 'bodies'}; an arm here "
-                f"has no closed loops and no coupled joints: lock the joints, or remove it"
+                f"the equality `{name}` ties {' and '.join(f'`{end}`' for end in between) or 'bodies'}; from_mjcf "
+                f"reads no closed loops and no coupled joints: lock the joints, or remove it"
             )
 
 
@@ -171,12 +173,12 @@ def _check_tendons(model: Any, free: set[int]) -> None:
             if np.any(values) and _is_moved(model, i, free):
                 name = model.tendon(i).name or i + 1
                 raise DefinitionError(
-                    f"tendon `{name}` has {what}; an arm here has no tendons: lock its joints, or remove it"
+                    f"tendon `{name}` has {what}; slidax models no tendons: lock its joints, or remove it"
                 )
 
 
 def _is_moved(model: Any, tendon: int, free: set[int]) -> bool:
-    """True if a moving joint changes a tendon's length; assumed for a spatial tendon."""
+    """True if a moving joint changes a tendon's length; always True for a spatial tendon."""
     first = int(model.tendon_adr[tendon])
     for k in range(first, first + int(model.tendon_num[tendon])):
         if model.wrap_type[k] != int(mujoco().mjtWrap.mjWRAP_JOINT) or int(model.wrap_objid[k]) in free:
@@ -229,7 +231,7 @@ def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float
         if abs(rest[worst]) > ROUNDING * (1.0 + np.abs(data.qfrc_passive[at]).max()):
             raise DefinitionError(
                 f"joint `{moving[worst].name}`, which moves `{moving[worst].link}`, has a passive force other than "
-                f"damping, {rest[worst]:.3g} in one posture, by MuJoCo; an arm here has none: remove its cause"
+                f"damping, {rest[worst]:.3g} in one posture, by MuJoCo; slidax models none: remove its cause"
             )
 
 

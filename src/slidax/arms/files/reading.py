@@ -68,7 +68,7 @@ def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 MOST = 4
-"""Most owners that a warning lists by name."""
+"""Most links or joints that a warning lists by name."""
 
 
 class Notes:
@@ -126,14 +126,14 @@ def _listed(owners: list[str]) -> str:
 
 Packages = Mapping[str, str | Path] | Sequence[str | Path]
 
-WITHOUT = "meshes=False goes without meshes"
+WITHOUT = "meshes=False needs no mesh files"
 PACKAGE = re.compile(r"(?:package|model):///?([^/]+)/(.+)")
 
 
 def require_mesh(owner: str, name: str, folder: Path, packages: Packages = (), instead: str = WITHOUT) -> None:
     """Raise DefinitionError, with the searched paths, if a mesh file does not exist.
 
-    - `owner`: its owner, for the message: "link `forearm`".
+    - `owner`: the link or body with the mesh, for the message: "link `forearm`".
     - `name`: path or URI in the robot file.
     - `folder`: folder of the robot file.
     - `packages`: folders of packages by name, or folders that contain packages.

@@ -28,7 +28,7 @@ class RobotFile:
 
     - `path`: path of the file; None for a text.
     - `root`: outermost XML element.
-    - `prefixed`: name of an element with each undeclared prefix.
+    - `prefixed`: for each undeclared prefix, the name of an element that has it.
     """
 
     text: str
@@ -111,7 +111,7 @@ class _TreeBuilder:
 
 
 def _parsed(text: str | bytes) -> tuple[ET.Element, dict[str, str]]:
-    """Return the tree, and the name of an element with each undeclared prefix."""
+    """Return the tree, and for each undeclared prefix the name of an element that has it."""
     guarded, parser = _TreeBuilder(), expat.ParserCreate()
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = guarded.start, guarded.end
@@ -139,7 +139,7 @@ def _decoded(text: str | bytes, tree: ET.Element) -> str:
 
 
 def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Yield every element with its nearest named ancestor, or its own name."""
+    """Yield each element after a text with its name, or with the name of its nearest named ancestor."""
     stack = [(f"<{root.tag}>", root)]
     while stack:
         where, element = stack.pop()
@@ -150,7 +150,7 @@ def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
 
 
 def owner_at(text: str, tag: str, line: int) -> str:
-    """Return the owner, as in `elements`, of the element that begins in a line, from 1; empty if there is none."""
+    """Return the text of `elements` for the element `tag` that begins in a line, from 1; empty if there is none."""
     parser, around, owners = expat.ParserCreate(), [""], [""]
 
     def start(name: str, attributes: dict[str, str]) -> None:

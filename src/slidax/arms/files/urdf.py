@@ -41,7 +41,11 @@ class Following:
 
 @dataclass(frozen=True)
 class Mimicry:
-    """Mimic joints: positions of held joints by name, including the user's, and followers that move."""
+    """The held and the following joints of an arm.
+
+    - `held`: positions of held joints by name, also of those that the user holds, rad or m.
+    - `following`: followers that move, by name.
+    """
 
     held: dict[str, float]
     following: dict[str, Following]
@@ -52,10 +56,11 @@ class InvalidLeaderError(Exception):
 
 
 def mimicry_of(tree: UrdfTree, tip: str, locked: Mapping[str, float], mimics: str, notes: Notes) -> Mimicry:
-    """Decide which followers are held and which follow.
+    """Decide which mimic joints are held and which follow their leader.
 
-    A follower is held if a joint that it follows, also through others, is held or fixed. Followers outside the path
-    from base to tip are held where their leader is nearest to 0, and so is a leader that is not needed for the arm.
+    A follower is held if its leader, or a leader of that leader, is held or fixed. Followers outside the path from base
+    to tip are held at their positions for the leader position nearest to 0. A leader is held too if it is outside this
+    path with all its followers.
 
     - `locked`: positions of the joints that the user holds.
     - `mimics`: "held" as above, or "followed" to let all followers move with their leader.
@@ -165,9 +170,11 @@ def _hold(
 
 
 def resolve_mimic(tree: UrdfTree, name: str, locked: Mapping[str, float]) -> Following | float:
-    """Resolve a chain of mimic joints: return the independent leader and the ratio, or a position if none moves.
+    """Resolve a chain of mimic joints: return its independent leader, ratio and offset.
 
-    Raises InvalidLeaderError if it follows an unknown joint or itself.
+    If that leader does not move, return the position of joint `name` [rad or m].
+
+    Raises InvalidLeaderError if a joint of the chain follows an unknown joint or itself.
     """
     ratio, offset, at, passed = 1.0, 0.0, name, [name]
     while True:
@@ -225,7 +232,7 @@ def from_urdf(
     remedy.
 
     - `source`: path of the file, or its text. A file that ends in `.xacro` is expanded by xacrodoc.
-    - `tip`: name of the link whose frame is the tip; optional if only one moving link carries no other.
+    - `tip`: name of the link whose frame is the tip; optional if only one moving link carries no other link.
     - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
     - `gravity`: acceleration in the base link's frame [3], m/s².
     - `armature`: rotor inertia at the joints: one number, one per moving joint, or by joint name with 0 for the others,
@@ -248,7 +255,7 @@ def from_urdf(
     file = read_robot_file(source, "robot", "from_mjcf reads <mujoco>", arguments=arguments, packages=packages)
     notes = Notes()
     for prefix, tag in file.prefixed.items():
-        notes.add(f"<{tag}> has a prefix that nothing declares: it is not read; write xmlns:{prefix} into <robot>")
+        notes.add(f"<{tag}> has an undeclared prefix and is not read; declare xmlns:{prefix} in <robot>")
     with locate_errors(str(file.path or "")):
         try:
             arm, name = _arm(file, tip, locked, gravity, armature, packages, meshes, limits, inertias, mimics, notes)
@@ -326,8 +333,9 @@ def _drop_ranges_apart(limits: dict[str, dict[str, float]], mimicry: Mimicry, no
             continue
         limits[name] = {key: value for key, value in limits[name].items() if key not in ("lower", "upper")}
         notes.add(
-            f"the range of {{}}, {first:g} to {last:g} at its leader `{follower.leader}`, does not overlap "
-            f"that one's, {lower:g} to {upper:g}: it is ignored; correct the <limit> of one of them",
+            f"the range of {{}} is {first:g} to {last:g} in positions of its leader `{follower.leader}`, whose "
+            f"range is {lower:g} to {upper:g}: they do not overlap, and the follower's is ignored; correct the <limit> "
+            f"of one of them",
             f"joint `{name}`",
         )
 
@@ -353,7 +361,7 @@ def _limits(
     _drop_ranges_apart(by_joint, mimicry, notes)
     if missing:
         listed = ", ".join(f"no limit of {limit} for {', '.join(names)}" for limit, names in missing.items())
-        notes.add(f"the file gives {listed}, or 0 for it; it is taken as infinite")
+        notes.add(f"the file has {listed}, or a limit of 0; such limits are taken as infinite")
     return by_joint
 
 
@@ -385,11 +393,15 @@ def _armatures(joints: Sequence[str], mimicry: Mimicry, armature: Armature) -> d
 
 
 def _rotors(file: RobotFile, tree: UrdfTree, notes: Notes) -> dict[str, float]:
-    """Rotor inertias of the file's transmissions at joints that move."""
+    """Return the rotor inertias of the file's transmissions at joints that move, by joint name."""
     rotors = rotor_inertias(file.root)
     for name in rotors:
         if name not in tree.joints:
-            notes.add(f"a transmission with a rotor inertia names {{}}, {nearest_word(name, tree.joints)}", _j(name))
+            notes.add(
+                f"a transmission with a rotor inertia has {{}}, which does not exist; "
+                f"{nearest_word(name, tree.joints)}",
+                _j(name),
+            )
     return {name: value for name, value in rotors.items() if name in tree.joints and tree.moves(name)}
 
 
@@ -398,7 +410,7 @@ def _only_leaf(tree: UrdfTree) -> str:
     if not leaves:
         raise DefinitionError("the robot has no joint that moves")
     if len(leaves) > 1:
-        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other")
+        raise DefinitionError(f"the tip is ambiguous: give tip=NAME; {', '.join(leaves)} carry no other link")
     return leaves[0]
 
 

@@ -21,11 +21,13 @@ SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius"
 
 @dataclass(frozen=True)
 class Shape:
-    """One shape on a link.
+    """A shape on a link.
 
+    - `link`: name of the link.
     - `kind`: "box", "cylinder", "sphere" or "mesh".
     - `at`: pose in the link's frame [4 4].
-    - `numbers`: sides, radius and length, or radius, m; for a mesh the scale along its axes [3].
+    - `numbers`: sides of a box, radius and length of a cylinder, or radius of a sphere, m; for a mesh, the scale along
+      its axes [3].
     - `colour`: red, green, blue, opacity, 0 to 1; None if the file has none.
     - `file`: name of the mesh file in the URDF; empty for other shapes.
     - `path`: path of the mesh file; None if it does not exist.
@@ -44,6 +46,7 @@ class Shape:
 class UrdfDrawing:
     """A URDF file for drawing.
 
+    - `tree`: links and joints.
     - `root`: outermost element.
     - `folder`: base of its relative paths.
     """

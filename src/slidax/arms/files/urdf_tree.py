@@ -57,8 +57,8 @@ MOTION = ("axis", "dynamics", "limit", "mimic")
 def check_element(owner: str, element: ET.Element, notes: Notes) -> None:
     """Reject an element, or one inside it, that is misspelled, contradictory or incomplete.
 
-    - `owner`: its owner: "link `forearm`".
-    - `element`: one of those in `CHILDREN` and `NUMBERS`.
+    - `owner`: the link or joint with this element, for messages: "link `forearm`".
+    - `element`: an element that `CHILDREN` or `NUMBERS` lists.
     - `notes`: receives the ignored elements.
 
     Raises DefinitionError naming the owner.
@@ -166,7 +166,7 @@ def _numbers(owner: str, tag: str, name: str, text: str, count: int) -> tuple[fl
 
 
 def number(element: ET.Element | None, name: str) -> float | None:
-    """Return a number from a checked element, or None if it is missing."""
+    """Return an attribute of a checked element as a number; None if it is missing."""
     text = element.get(name) if element is not None else None
     return None if text is None else float(text)
 
@@ -236,14 +236,14 @@ def _range_of(name: str, limit_element: ET.Element | None, notes: Notes) -> dict
 
 INERTIA = ("drake:rotor_inertia", "motorInertia", "rotorInertia")
 RATIO = ("drake:gear_ratio", "mechanicalReduction")
-"""Elements of a <transmission> with a rotor's inertia, kg m², and its turns for each turn of the joint."""
+"""`INERTIA` and `RATIO`: elements of a <transmission> with a rotor's inertia, kg m², and its gear ratio."""
 
 
 def rotor_inertias(robot: ET.Element) -> dict[str, float]:
     """Return rotor inertias at the joints from transmissions, by joint name, kg m² or kg.
 
-    An actuator's inertia I at the ratio r moves with its joint as r² I. A missing ratio is 1; a transmission without an
-    inertia says nothing.
+    An actuator's inertia I at the ratio r moves with its joint as r² I. A missing ratio is 1. A transmission
+    without an inertia is ignored.
 
     - `robot`: outermost element.
 
@@ -272,7 +272,7 @@ def rotor_inertias(robot: ET.Element) -> dict[str, float]:
 
 
 def _amount(where: str, transmission: ET.Element, names: tuple[str, ...]) -> float | None:
-    """The number of the first of some elements, as its attribute `value` or its text; None without it."""
+    """Return the number of the first element with one of the names: its attribute `value`, or its text. Else None."""
     for name in names:
         for element in transmission.iter(name):
             text = element.get("value", element.text or "").strip()
@@ -305,7 +305,7 @@ class UrdfTree:
 
     @property
     def leaves(self) -> list[str]:
-        """Links that carry no other."""
+        """Links that carry no other link."""
         carrying = set(self.parents.values())
         return [link for link in self.links if link not in carrying]
 
@@ -365,7 +365,7 @@ def urdf_tree(robot: ET.Element, notes: Notes | None = None) -> UrdfTree:
 
 
 def _add_base(links: dict[str, ET.Element], joints: Mapping[str, ET.Element], notes: Notes) -> None:
-    """Use a link that only a joint names as the base, if every described link is a child of a joint.
+    """Add the base if no <link> describes it, only a joint names it, and all other links are children of joints.
 
     This occurs in files of parts that belong on another robot, and in files that rely on a link `world`.
     """
@@ -400,7 +400,7 @@ def _named(robot: ET.Element, tag: str, notes: Notes) -> dict[str, ET.Element]:
             notes.add("{} occurs twice with the same values, and is read once; remove the second", f"{tag} `{name}`")
             continue
         if name in elements:
-            raise DefinitionError(f"there are two <{tag}> named `{name}`; give one another name")
+            raise DefinitionError(f"there are two <{tag}> named `{name}`; rename one")
         elements[name] = element
     return elements
 
@@ -434,8 +434,7 @@ def _root(links: Mapping[str, ET.Element], carriers: Mapping[str, str]) -> str:
         raise DefinitionError(f"no link is the base: {_listed(list(links))} carry each other in a circle")
     if len(roots) > 1:
         raise DefinitionError(
-            f"the links {_listed(roots)} are all without a joint that carries them; one of them is the base, the "
-            f"others need a joint"
+            f"no joint carries the links {_listed(roots)}; one of them is the base, the others need a joint"
         )
     return roots[0]
 

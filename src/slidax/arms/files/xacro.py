@@ -51,8 +51,8 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *,
     - `arguments`: values of its `<xacro:arg>` by name.
     - `most`: size limit for the file, for each included file, and for the expansion [bytes].
 
-    Raises DefinitionError if xacrodoc is not installed, or the expansion needs more than `most` or the steps of a
-    `Budget`.
+    Raises DefinitionError if xacrodoc is not installed, or the expansion needs more bytes than `most` or more steps
+    than a `Budget` has.
     """
     try:
         import xacro

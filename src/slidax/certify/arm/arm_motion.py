@@ -37,12 +37,12 @@ _kernels: dict[Any, Callable[..., tuple[Floats, Floats]]] = {}
 def mass_and_bias(
     robot: AbstractRobot, load: TimedPayload | None, t: Floats, q: Floats, dq: Floats
 ) -> tuple[Floats, Floats]:
-    """Return `M(q)` [N n n] and `C(q,q̇) q̇ + G(q)` [N n] with the payload at each time.
+    """Return `M(q)` [times n n] and `C(q,q̇) q̇ + G(q)` [times n] with the payload at each time.
 
-    Arms of the same structure share their machine code, which has their values as inputs.
+    Arms of the same structure share compiled code, whose inputs are the arms' values.
 
     - `load`: the timed payload, or None.
-    - `t`: [N], s.
+    - `t`: [times], s.
     """
     arrays, rest = eqx.partition((robot, load), eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
@@ -85,7 +85,7 @@ def _kernel(leaves: list[Floats], tree: Any, rest: Any, joints: int) -> Callable
 
 
 def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
-    """Return a payload without mass, with which a robot shares its machine code with another plant.
+    """Return a payload without mass, with which a robot can use the compiled code of another plant.
 
     None if their structures differ, or the other plant has no payload.
     """
@@ -96,7 +96,7 @@ def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
 
 
 def friction_torque(robot: AbstractRobot, dq: Floats) -> Floats:
-    """Return `F(q̇)` [N n], N m or N."""
+    """Return `F(q̇)` [times n], N m or N."""
     if isinstance(robot, Articulated):
         coulomb, viscous, smoothing = (np.asarray(x) for x in (robot.coulomb, robot.viscous, robot.smoothing))
         return coulomb * np.tanh(dq / smoothing) + viscous * dq
@@ -104,7 +104,7 @@ def friction_torque(robot: AbstractRobot, dq: Floats) -> Floats:
 
 
 def external_torque(plant: Plant, t: Floats, q: Floats, dq: Floats) -> Floats:
-    """Return the external torque `τ_d` [N n], N m or N."""
+    """Return the external torque `τ_d` [times n], N m or N."""
     return np.asarray(_external_torques(plant.disturbance, jnp.asarray(t), jnp.asarray(q), jnp.asarray(dq)))
 
 
@@ -122,10 +122,12 @@ def _external_torques(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
 class NominalModel:
     """A law's model of the arm: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
 
+    S is a diagonal scaling for J below 0 (`with_rotors`); otherwise it is the identity.
+
     - `robot`: M0, C0 and G0.
     - `rotor`, `counted`: J, and the J0 that M0 contains [n]; None for a law that does not learn, where `M̂ = M0`.
     - `coulomb`, `smoothing`: f, and v_s [n].
-    - `like`: an arm with which the model may share its machine code.
+    - `like`: an arm whose compiled code the model may use.
     - `times`: times [K], s, from which each J and f [K n] is used; None for constant ones [n].
     """
 
@@ -141,7 +143,7 @@ class NominalModel:
     def of(cls, scenario: Scenario, like: Plant) -> NominalModel:
         """Return the initial model of a scenario's law.
 
-        - `like`: an arm with which the model may share its machine code.
+        - `like`: an arm whose compiled code the model may use.
 
         Raises DefinitionError for a law without a model.
         """
@@ -161,7 +163,7 @@ class NominalModel:
         return cls(robot, rotor, counted, coulomb, smoothing, like)
 
     def friction(self, t: Floats, dq: Floats) -> Floats:
-        """Return F̂ [N n], N m or N, at times [N], s, and the reference's velocities [N n]."""
+        """Return F̂ [times n], N m or N, at times [times], s, and the reference's velocities [times n]."""
         return self._value_at(self.coulomb, t) * np.tanh(dq / self.smoothing)
 
     def _value_at(self, values: Floats, t: Floats) -> Floats:
@@ -170,23 +172,23 @@ class NominalModel:
         return values[np.clip(np.searchsorted(self.times, t + 1e-9) - 1, 0, len(self.times) - 1)]
 
     def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """Return M̂ [N n n] and C0 q̇ + G0 [N n]."""
+        """Return M̂ [times n n] and C0 q̇ + G0 [times n]."""
         mass, bias = self.at_first(t, q, dq)
         return self.learnt(mass, t), bias
 
     def at_first(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """Return M0 [N n n] and C0 q̇ + G0 [N n], which do not depend on learned values."""
+        """Return M0 [times n n] and C0 q̇ + G0 [times n], which do not depend on learned values."""
         return mass_and_bias(self.robot, massless_load(self.robot, self.like), t, q, dq)
 
     def learnt(self, mass: Floats, t: Floats) -> Floats:
-        """Return M̂ [N n n] from M0 [N n n] at times [N], s."""
+        """Return M̂ [times n n] from M0 [times n n] at times [times], s."""
         if self.rotor is None:
             return mass
         assert self.counted is not None
         rotor = np.broadcast_to(self._value_at(self.rotor, t), mass.shape[:2])
         if (rotor >= 0).all():
             return mass + (rotor - self.counted)[:, :, None] * np.eye(mass.shape[1])
-        # The batch is filled up to a power of two, so that only few sizes are compiled.
+        # The batch is padded to a power of two, so that only few sizes are compiled.
         size = 1 << (len(mass) - 1).bit_length()
         filled = (np.resize(values, (size, *values.shape[1:])) for values in (mass, rotor))
         return np.asarray(_with_rotors(*filled, self.counted))[: len(mass)]
@@ -199,10 +201,10 @@ def _with_rotors(mass: Any, rotor: Any, counted: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class StateSequence:
-    """States at times, each with the acceleration that the law feeds forward.
+    """States of the reference over time, each with the acceleration that the law feeds forward.
 
-    - `t`: [N], s.
-    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period from that time on [N n].
+    - `t`: [times], s.
+    - `q`, `dq`, `ddq`: positions, velocities, and the mean acceleration over the period from that time on [times n].
     """
 
     t: Floats
@@ -225,10 +227,10 @@ class StateSequence:
         return StateSequence(self.t[::step], self.q[::step], self.dq[::step], self.ddq[::step])
 
     def at(self, times: Floats, instants: int) -> StateSequence:
-        """Return the states at `instants` samples, then at given times, each with the state of its period.
+        """Return the states at up to `instants` samples, followed by the states at `times`.
 
-        The samples are spread by the golden ratio, since evenly spaced ones could sample a periodic motion at only one
-        phase.
+        A time between two samples has the state of the sample before. The samples are spread by the golden ratio:
+        evenly spaced samples could meet a periodic motion at a single phase.
         """
         count = len(self.t)
         spread = np.sort((np.arange(min(instants, count)) * 0.618033988749895) % 1.0 * count).astype(int)
@@ -248,7 +250,7 @@ def _reference(trajectory: Any, t: Any) -> Any:
 
 
 def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
-    """Return one arm for each distinct inertia, and the index in that list for each of the arms [P].
+    """Return an arm for each distinct inertia, and for each of `plants` the index in that list.
 
     Arms that differ only in friction or external forces have the same inertia.
     """
@@ -265,19 +267,19 @@ def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
 
 
 def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Floats, Floats]:
-    """Return M [P N n n], and `M q̈ + C q̇ + G` [P N n], of P true arms along a motion."""
+    """Return M [arms times n n], and `M q̈ + C q̇ + G` [arms times n], of true arms along a motion."""
     torques = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
     masses = np.array([mass for mass, _ in torques])
     return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in torques])
 
 
 def outer_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return `τ_d - F` of P true arms along a motion [P N n], N m or N."""
+    """Return `τ_d - F` of true arms along a motion [arms times n], N m or N."""
     return disturbance_torque(plants, motion) - np.array([friction_torque(plant.robot, motion.dq) for plant in plants])
 
 
 def disturbance_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return `τ_d` of P true arms along a motion [P N n], N m or N."""
+    """Return `τ_d` of true arms along a motion [arms times n], N m or N."""
     known: dict[Any, Floats] = {}
     torques = []
     for plant in plants:
@@ -321,11 +323,11 @@ KEPT = 24
 def inertia_ratios(
     plants: Sequence[Plant], beliefs: Sequence[NominalModel], motion: StateSequence, kept: int = KEPT
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the range of κ, the diagonal of `K = M⁻¹M̂` [2 n], and the largest |K_ij/K_jj| for i ≠ j [n n].
+    """Return the range of κ [2 n], the largest |K_ij/K_jj| for i ≠ j [n n], and K at some instants [I n n].
 
-    The third value is K [I n n] of each member at some instants.
+    `K = M⁻¹M̂`, and κ is its diagonal. All three values are over all arms.
 
-    - `beliefs`: the model of each arm.
+    - `beliefs`: the law's model for each arm.
     - `kept`: number of instants at which K is returned.
     """
     few = motion.every(INSTANTS)

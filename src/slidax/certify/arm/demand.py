@@ -33,20 +33,20 @@ class Demand:
     """The disturbances that the joints' estimators must follow, and the error of the law's inertia.
 
     With `K = M⁻¹ M0` the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the commanded acceleration, ŵ the estimate,
-    and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate; n is the arm's torque
-    except for its inertia term, d the external torque. Along the reference the disturbance of each member is, as a
-    signal,
-    `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`, the same for all times and joints.
+    and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate. n is the arm's torque
+    without its inertia term, and d the external torque. Along the reference the disturbance of each member is the
+    signal `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`. λ and x are constant over time,
+    and the same for all joints.
 
-    - `times`: samples, a period apart [N], s.
-    - `disturbance`: w* along the reference for each extreme member [members N n], rad/s² or m/s².
+    - `times`: samples, a period apart [times], s.
+    - `disturbance`: w* along the reference for each extreme member [members times n], rad/s² or m/s².
     - `kappa`: the least and the largest diagonal of K [2 n].
     - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
     - `assumptions`: assumptions of `disturbance` and its bounds; `of_kappa`: of `kappa` and `coupling`.
-    - `effects`: change of each w* by half the width of an uncertain value [members values N n], rad/s² or m/s².
-    - `jumps`: bound of the change of w* by the forces' deviation from their chord between two samples, and by payloads
-      that are attached or released [N n].
-    - `matrices`: K of some members at some instants of the motion, with the worst coupled one [I n n].
+    - `effects`: change of each w* by half the width of an uncertain value [members values times n], rad/s² or m/s².
+    - `jumps`: bound of the further change of w* between two samples [times n]: by the forces' deviation from their
+      chord, and by payloads that are attached or released.
+    - `matrices`: K of members at some instants of the motion [I n n].
     """
 
     times: Floats
@@ -60,11 +60,11 @@ class Demand:
     matrices: Floats | None = None
 
     def worst(self, response: Callable[[Floats], Floats]) -> Floats:
-        """Return the largest |value| of a linear map of the disturbance over all members at each time and joint [N n].
+        """Return the largest size of a linear map of the disturbance over all members [times n].
 
-        At each time a member attains it, but not the same one at all times.
+        At each time and joint some member attains this size; another member may do so at another time.
 
-        - `response`: maps signals [... N n] to such signals: the loops' response, or the identity.
+        - `response`: maps signals [... times n] to signals of that shape, such as the loops' response or the identity.
         """
         size = np.abs(response(self.disturbance))
         if self.effects is not None and self.effects.shape[1]:
@@ -75,7 +75,7 @@ class Demand:
 def compute_demand(scenario: Scenario, family: Family | None = None) -> Demand:
     """Return the disturbances that the joints' estimators must follow along the motion, and the error of M0.
 
-    Without `uncertainty` the scenario's own arm is the only member. The model of a law that learns is its initial one.
+    Without `uncertainty` the scenario's own arm is the only member. A law that learns has its initial model.
 
     - `family`: another set, such as a study's.
 
@@ -109,12 +109,12 @@ def compute_demand(scenario: Scenario, family: Family | None = None) -> Demand:
 def _forces_between_samples(
     members: Members, plants: list[Plant], signals: Sequence[Floats], motion: StateSequence, belief: NominalModel
 ) -> Floats:
-    """Bound the deviation of w* from its chord between two samples by forces and payloads [N n], rad/s² or m/s².
+    """Bound the deviation of w* from its chord between two samples by forces and payloads [times n], rad/s² or m/s².
 
-    For the arm's friction and each term of the disturbance it is the bound that its class declares over the whole set.
-    For a period in which a payload is attached or released it is the total change of w*.
+    The class of the friction, and of each term of the disturbance, declares a bound over the whole set. If a payload is
+    attached or released in a period, the whole change of w* in that period is added.
 
-    - `plants`: the arms of the hull's points. `signals`: w* of the members, and its linear parts, each [N n].
+    - `plants`: the arms of the hull's points. `signals`: w* of the corners, and its linear parts, each [times n].
     """
     samples = Samples(members.scenario.period, motion.t, motion.q, motion.dq)
     lower, upper = members.disturbances
@@ -136,14 +136,14 @@ def _disturbance_assumptions(members: Members, hull: Hull) -> list[Assumption]:
     learnt, count = learns_inertia(members.scenario), len(members.axes)
     assumptions = []
     if not count:
-        text = "arm, external forces and payload are the scenario's own: its `uncertainty` has no values of them"
+        text = "arm, external forces and payload are the scenario's own, since its `uncertainty` varies none of them"
         assumptions.append(Assumption(text, "assumed"))
     else:
         kept = [k for k in range(count) if k not in hull.sampled and k not in hull.without]
         text = (
             f"{members.named(kept)}: each member's disturbance at each sample is a convex combination of "
-            f"{len(hull.corners)} computed ones and {len(hull.effects)} linear parts, because these values enter the "
-            f"torque as polynomials of degree 1 or 2{', as long as the law has learned nothing' if learnt else ''}"
+            f"{len(hull.corners)} computed members and {len(hull.effects)} linear parts, because these values enter "
+            f"the torque as polynomials of degree 1 or 2{', as long as the law has learned nothing' if learnt else ''}"
         )
         if kept:
             assumptions.append(Assumption(text, "tested" if learnt else "proved"))
@@ -155,27 +155,27 @@ def _disturbance_assumptions(members: Members, hull: Hull) -> list[Assumption]:
             assumptions.append(Assumption(text, "tested"))
         if hull.sampled:
             text = (
-                f"{members.named(hull.sampled)}: no polynomial of few values; the set was sampled, at 5 values of "
-                "each or at corners"
+                f"{members.named(hull.sampled)}: the torque is no polynomial of degree 1 or 2 in a few values; the set "
+                "was sampled, at 5 values of each or at corners"
             )
             assumptions.append(Assumption(text, "tested"))
     text = (
-        "between two samples each force leaves the line between its values by no more than its class declares, the "
-        "arm's own terms by an eighth of their second difference"
+        "between two samples each force deviates from its chord by at most the bound of its class, and the arm's own "
+        "terms by at most an eighth of their second difference"
     )
     assumptions.append(Assumption(text, "tested"))
     if members.scenario.description.surroundings.table is not None:
-        assumptions.append(Assumption("the arm touches nothing: contact forces of a table are not counted", "assumed"))
+        assumptions.append(Assumption("the arm does not touch the table, whose contact forces are left out", "assumed"))
     return assumptions
 
 
 def _kappa_assumption(members: Members, hull: Hull, arms: int) -> Assumption:
     every = 2 ** len(members.inertial(hull.without)) + 1
-    which = "ends of the set in inertia and its middle"
+    which = "corners of the set in inertia and its middle"
     if every > MOST_ENDS + 1:
         which += f", of {every}"
     text = (
-        f"κ and the coupling: at {arms} {'member' if arms == 1 else 'members'}, {which}, at {INSTANTS} instants of the "
-        "motion, without deviations from it"
+        f"κ and the coupling are those of {arms} {'member' if arms == 1 else 'members'}, {which}, at {INSTANTS} "
+        "instants of the motion, without deviations from it"
     )
     return Assumption(text, "tested", float(arms))

@@ -15,35 +15,37 @@ from .arm_motion import StateSequence, breakpoints, distinct_inertias, outer_tor
 from .members import Members
 
 ROUNDING = 1e-9
-"""Difference, relative to the largest value, up to which it is a rounding error."""
+"""Relative to the largest value: smaller differences count as rounding errors."""
 
 PROBE = 0.29
-"""Share of a value's range at which the polynomial through three other points is checked."""
+"""Share of a value's range at which the polynomial through the ends and the middle is checked."""
 
 SAMPLED = 5
-"""Number of points on the range of a value that does not enter as a polynomial of degree up to 2."""
+"""Number of points on the range of a value that is not a polynomial of degree up to 2 in the torques."""
 
 MOST_CORNERS = 96
-"""Largest number of corners of several groups of values that are multiplied; further groups are enclosed in a box."""
+"""Largest number of corners when groups of values are combined; further groups are enclosed in a box."""
 
 NODES = {1: 2, 2: 3, 3: SAMPLED}
-"""Number of points on an axis of each degree."""
+"""Number of points on an axis, by its degree."""
 
 MOST_POINTS = 1024
 """Largest number of points of one group."""
 
 BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
-"""Maps values at 0, 1/2 and 1 to Bernstein coefficients; the middle one is `2 f(1/2) - (f(0) + f(1))/2`."""
+"""Maps values at 0, 1/2 and 1 to Bernstein coefficients; the middle coefficient is `2 f(1/2) - (f(0) + f(1))/2`."""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """All members as `corner + Σ x effect`, for a convex combination of corners and any x in [-1, 1] for each effect.
+    """Hull of all members: a convex combination of corners, plus `Σ x_k effect_k` with |x_k| <= 1.
 
-    - `points`: points of the box at which members are evaluated [P D]; the first is its middle.
-    - `corners`: weights of the evaluated members for each corner [K P].
-    - `effects`: weights of the evaluated members for each effect, that of half a value's range [E P].
-    - `sampled`: axes that were sampled, as they do not enter as polynomials of degree up to 2.
+    Corners and effects are weighted sums of the evaluated members.
+
+    - `points`: points of the box at which members are evaluated [P D]; the first is the middle of the box.
+    - `corners`: weights of the evaluated members in each corner [K P].
+    - `effects`: weights of the evaluated members in each effect [E P]. An effect is the change by half a value's range.
+    - `sampled`: axes that were only sampled, since they are not polynomials of degree up to 2.
     - `without`: axes without effect.
     """
 
@@ -65,8 +67,8 @@ class Hull:
 def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
     """Return the convex hull of a function of all members.
 
-    The degree of each value, and the values it is multiplied with, are found by evaluations at random points, at which
-    different polynomials agree with probability 0.
+    Evaluations at random points determine the degree in each value, and the pairs of values that are multiplied. Two
+    different polynomials agree at a random point with probability 0.
 
     - `evaluate`: maps points of the box [P D] to the function values of their members [P F].
     - `dimensions`: D.
@@ -86,7 +88,7 @@ def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
             points.append(_with_shares(middle, group, np.ones(1)))
             continue
         if prod(NODES[degrees[k]] for k in group) > MOST_POINTS:
-            # Some random corners of the group: a test, not a bound.
+            # Random corners of the group are a test, not a bound.
             sampled += [k for k in group if k not in sampled]
             control_points: tuple[Floats, Floats] = _random_corners(len(group)), np.eye(MOST_POINTS)
         else:
@@ -104,7 +106,8 @@ def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
         if len(corners) == 1 or len(corners) * len(added) <= MOST_CORNERS:
             corners = (corners[:, None] + (added - base)[None]).reshape(-1, total)
         else:
-            # A convex combination of points deviates from their mean by at most half of each point's distance from it.
+            # A convex combination of points is their mean plus `Σ x_i d_i/2` with |x_i| <= 1, and d_i a point less the
+            # mean.
             corners = corners + added.mean(axis=0) - base
             effects += list(0.5 * (added - added.mean(axis=0)))
     without = tuple(k for k, degree in enumerate(degrees) if degree == 0)
@@ -113,10 +116,10 @@ def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
 
 
 def _degrees(evaluate: Callable[[Floats], Floats], dimensions: int) -> list[int]:
-    """Return the degree in each axis, 0 to 2, or 3 for a function that is not such a polynomial.
+    """Return the degree in each axis: 0 to 2, or 3 if the function is not a polynomial of degree up to 2.
 
-    An axis without effect at a random point may have one at an end of the other axes: the stiffness of a stop has an
-    effect only where the arm touches it.
+    An axis without effect at a random point may have an effect at an end of the other axes. For example, the stiffness
+    of a stop has an effect only where the arm touches the stop.
     """
     degrees = _degrees_at(evaluate, np.random.default_rng(1).uniform(0.1, 0.9, dimensions), list(range(dimensions)))
     for end in (0.0, 1.0):
@@ -169,9 +172,9 @@ def _groups(evaluate: Callable[[Floats], Floats], degrees: Sequence[int]) -> lis
 
 
 def _control_points(degrees: Sequence[int], group: Sequence[int]) -> tuple[Floats, Floats]:
-    """Return points as shares of a group's axes [P k], and the matrix from the values there to Bernstein coefficients.
+    """Return points as shares of a group's axes [P k], and the matrix from values there to Bernstein coefficients.
 
-    An axis of degree 3 has its values in place of coefficients.
+    For an axis of degree 3, which is only sampled, the values take the place of coefficients.
     """
     nodes = {1: np.array([0.0, 1.0]), 2: np.array([0.0, 0.5, 1.0]), 3: np.linspace(0.0, 1.0, SAMPLED)}
     matrices = {1: np.eye(2), 2: BERNSTEIN, 3: np.eye(SAMPLED)}
@@ -194,14 +197,14 @@ def _with_shares(point: Floats, axes: Sequence[int], shares: Floats) -> Floats:
 
 
 PROBES = 48
-"""Number of random states, and of states of the motion, at which the degrees of a set's values are found."""
+"""Number of random states, and of states of the motion, that determine the degrees of a set's values."""
 
 
 def probe_torques(members: Members, points: Floats) -> Floats:
     """Return the torques of members at random states and at some of the motion [P F].
 
-    The times are random, so that a ripple is zero at all of them with probability 0. The times at which a force starts,
-    jumps or ends are added, since a pulse may lie between two random times, and those of brief contacts.
+    The times are random, so that a ripple is zero at all of them with probability 0. A pulse may lie between two random
+    times. So the times at which a force starts, jumps or ends are added, and the times of brief contacts.
 
     - `points`: points of the set's box [P D].
     """

@@ -40,11 +40,11 @@ class TrigonometricSeries:
 
 @dataclass(frozen=True)
 class PostureGrid:
-    """Postures whose M and G determine both in every posture.
+    """Grid of postures. The values of M and G on the grid determine M and G in every posture.
 
     - `joints`: the joints on which M and G depend.
     - `revolute`: True for each revolute joint [n].
-    - `middle`, `half`: middle and half of the range of each prismatic joint [n], m; 0 and 1 for a revolute one.
+    - `middle`, `half`: middle and half width of each prismatic joint's range [n], m; 0 and 1 for a revolute joint.
     """
 
     joints: tuple[int, ...]
@@ -54,10 +54,10 @@ class PostureGrid:
 
     @classmethod
     def of(cls, at: Callable[[Floats], Floats], units: tuple[str, ...], lower: Floats, upper: Floats) -> PostureGrid:
-        """Return the grid for a function of the posture; the joints on which it depends are found at random postures.
+        """Return the grid for a function of the posture. Random postures show on which joints the function depends.
 
-        - `at`: maps postures [N n] to function values [N F].
-        - `lower`, `upper`: limits of the prismatic joints [n], m; those of others are not used.
+        - `at`: maps postures [postures n] to function values [postures F].
+        - `lower`, `upper`: limits of the prismatic joints [n], m; the entries of revolute joints are not used.
 
         Raises DefinitionError if the function depends on too many joints.
         """
@@ -85,7 +85,7 @@ class PostureGrid:
 
     @property
     def postures(self) -> Floats:
-        """All postures [5^J n]."""
+        """All postures of the grid [5^J n], for J joints on which M and G depend."""
         angles = np.array(list(product(2.0 * np.pi * np.arange(POINTS) / POINTS, repeat=len(self.joints))))
         q = np.tile(self.middle, (len(angles), 1))
         for k, joint in enumerate(self.joints):
@@ -113,8 +113,8 @@ class PostureGrid:
 def require_independent_joints(robot: AbstractRobot) -> None:
     """Raise DefinitionError for an arm with coupled joints.
 
-    There M is not a polynomial of degree 2 in each joint: a follower with the ratio 2 doubles the degree, and with 0.5
-    M is not a polynomial.
+    There M is not a polynomial of degree 2 in each joint: a follower with the ratio 2 doubles the degree. With the
+    ratio 0.5 M is no polynomial.
     """
     if isinstance(robot, Coupled):
         raise DefinitionError(
@@ -124,16 +124,16 @@ def require_independent_joints(robot: AbstractRobot) -> None:
 
 
 MOST_NUMBERS = 6_000_000
-"""Largest number of entries on a grid."""
+"""Largest number of matrix entries on a grid, for all of its points together."""
 
 MOST_POINTS = 720
-"""Largest number of points of one joint."""
+"""Largest number of grid points of a joint."""
 
 MOST_FACTOR = 20.0
-"""Largest factor of a grid; for a coarser grid `Σ ‖c_k‖` is the smaller bound."""
+"""Largest factor from a grid's maximum to the bound. On a coarser grid `Σ ‖c_k‖` is the smaller bound."""
 
 WORTH = 0.02
-"""Share of the total variation from which on the terms that a joint adds are bounded on a grid of their own."""
+"""The terms that a joint adds are bounded on a further grid if their share of the total variation is above this."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ def supremum(
     """Return a bound of `max_q ‖f(q)‖`.
 
     - `degree`: degree of f in each joint, 1 or 2.
-    - `size`: returns the norm of each of some values [P ...].
-    - `terms`: returns the norm of each of some complex coefficients [K ...].
+    - `size`: maps values [P ...] to their norms [P].
+    - `terms`: maps complex coefficients [K ...] to their norms [K].
     """
     joints = len(series.grid.joints)
     weights = terms(series.coefficients)
@@ -167,7 +167,7 @@ def supremum(
     entries = int(np.prod(series.coefficients.shape[1:], dtype=int))
     # Joints with the largest effect come first.
     order = np.argsort([-float(weights[degrees[:, at] > 0].sum()) for at in range(joints)], kind="stable").tolist()
-    # The terms that each joint adds to those of the joints before it.
+    # For each joint, the terms that contain it and otherwise only joints before it in this order.
     added = [_only(degrees, order[: k + 1]) & (degrees[:, order[k]] > 0) for k in range(joints)]
     sums = [float(weights[terms].sum()) for terms in added]
     variation = sum(sums)
@@ -186,7 +186,7 @@ def supremum(
 
 
 def _only(degrees: Floats, joints: Sequence[int]) -> Flags:
-    """Return True for coefficients of terms that depend on no other joints [K]."""
+    """Return True for each coefficient whose term depends on no other joints than `joints` [K]."""
     others = [at for at in range(degrees.shape[1]) if at not in joints]
     return ~degrees[:, others].any(axis=1)
 
@@ -205,7 +205,7 @@ def _points(count: int, entries: int) -> int:
 def _largest(
     series: TrigonometricSeries, terms: Flags, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]
 ) -> float:
-    """Return the largest norm of the sum of `terms` on a grid of the joints `kept`, on which alone they depend."""
+    """Return the largest norm of the sum of `terms` on a grid of the joints `kept`; they depend on no other joints."""
     joints = len(series.grid.joints)
     shape = series.coefficients.shape[1:]
     coefficients = np.where(terms.reshape(-1, *[1] * len(shape)), series.coefficients, 0.0)
@@ -216,7 +216,7 @@ def _largest(
         return float(size(partial.real[None]).max())
     angles = 2.0 * np.pi * np.arange(points) / points
     waves = np.exp(1j * np.outer(angles, np.fft.fftfreq(POINTS, 1.0 / POINTS)))
-    # Joint by joint; the first one in the loop below, so that not all postures are in memory at once.
+    # Evaluate joint by joint, and the first joint in the loop below: all postures would not fit in memory at once.
     for axis in range(1, len(kept)):
         partial = np.moveaxis(np.tensordot(waves, partial, axes=(1, axis)), 0, axis)
     flat = partial.reshape(POINTS, -1)
@@ -259,7 +259,7 @@ class ArmConstants:
     - `weight`: bounds of |G_i| [n], N m or N.
     - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`; `weight_slope`: the same for G.
     - `coriolis`: c with `‖C(q,q̇) q̇‖ <= c ‖q̇‖²`.
-    - `sampled`: extreme eigenvalues of M on the grid; no valid bounds are closer together.
+    - `sampled`: least and largest eigenvalue of M on the grid; valid bounds are at least as far apart.
     """
 
     inertia_max: float

@@ -28,20 +28,22 @@ from .members import Members
 NAME, TITLE = "inertia_ratio", "the joints' loops are stable for the set's inertias"
 
 MATRICES = 240
-"""Number of K for which the coupled loop is evaluated."""
+"""Number of matrices K for which the coupled loop is evaluated."""
 
 BETWEEN = 32
-"""Number of κ tried in a range, evenly spaced in the logarithm."""
+"""Number of κ that are evaluated in a range, evenly spaced in the logarithm."""
 
 MOST_ARMS = 16
-"""Largest number of members at ends of the set in inertia, each with its own learned model."""
+"""Largest number of members at corners of the set in inertia, each with its own learned model."""
 
 
 @certificate(NAME, TITLE, covers=ARM)
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
-    """Check that each joint's loop is stable for all κ of the set, and all loops together for K of its members.
+    """Check that each joint's loop is stable for all κ of the set, and the coupled loops for the K of its members.
 
-    - `scenario`: scenario with a law in sampled-data form with a plan and a linear estimator.
+    `K = M⁻¹ M̂` with the law's inertia M̂; κ is a diagonal entry of K.
+
+    - `scenario`: scenario whose law is in sampled-data form, with a plan and a linear estimator.
     - `demand`: demand with the κ of the set for the law's initial model.
     """
     problem = linear_loops(scenario)
@@ -69,7 +71,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     assumptions = [
         *demand.of_kappa,
         Assumption(
-            f"each loop's largest modulus is below 1 at {BETWEEN} κ of its range and up to the ends found by bisection",
+            f"each loop's eigenvalues have a modulus below 1 at {BETWEEN} κ of its range, and up to ends by bisection",
             "tested" if alone else "fails",
             float(np.max(radius)),
         ),
@@ -98,7 +100,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
 
 
 def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...]] | str:
-    """Return the law and its linear joint loops; or the reason why it has none."""
+    """Return the law and the linear loops of its joints, or the reason why the law has no linear loops."""
     law = scenario.controller
     if not isinstance(law, SampledData):
         return "the scheme is not in sampled-data form"
@@ -123,9 +125,9 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
 
 
 def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) -> float:
-    """Return the largest modulus of the joints' loops together, `ë = K a` with the commands a of all joints.
+    """Return the largest eigenvalue modulus of the coupled loops, `ë = K a` with the commands a of all joints.
 
-    - `loops`: loops with one horizon. `matrix`: K [n n]. `delay`: the true one [periods].
+    - `loops`: loops with the same horizon. `matrix`: K [n n]. `delay`: the true total delay [periods].
     """
     n = len(loops)
     still, moved = ([loop.maps(kappa, delay).step for loop in loops] for kappa in (0.0, 1.0))
@@ -140,8 +142,8 @@ def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) ->
 def learned_ratios(scenario: Scenario) -> Floats:
     """Return K with learned models at instants of the motion [I n n].
 
-    The model of the scenario's own arm is the one learned in a run; those of members at ends of the set have each
-    joint's mean inertia.
+    The model for the scenario's own arm is learned in a simulated run. The models for members at corners of the set are
+    those of `learned_model`.
     """
     members, motion = Members.of(scenario), StateSequence.of(scenario)
     belief = NominalModel.of(scenario, members.plant)
@@ -161,9 +163,9 @@ def learned_ratios(scenario: Scenario) -> Floats:
 class _Together:
     """Stability of the coupled loop.
 
-    - `radius`: the largest modulus; 0 without coupling, inf if it was not computed.
-    - `listed`: its assumptions.
-    - `says`: the reason if it is not stable.
+    - `radius`: largest eigenvalue modulus; 0 without coupling, inf if it was not computed.
+    - `listed`: assumptions of the coupled loop.
+    - `says`: the reason if the loop is not stable.
     """
 
     radius: float
@@ -172,27 +174,27 @@ class _Together:
 
 
 def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, delay: float) -> _Together:
-    """The largest modulus of the coupled loop, for K of members of the set, each held constant."""
+    """Return the coupled loop's stability for K of members of the set, each constant over time."""
     if len(loops) == 1 or not np.any(demand.coupling):
         return _Together(0.0, [], "")
     if demand.matrices is None:
         says = "the stability of the coupled loop is not known for a given demand"
         return _Together(np.inf, [Assumption(says, "assumed")], says)
-    # The largest coupling and inertia error come first; the others are evenly spaced.
+    # Half of the matrices are those farthest from I. The other half is evenly spaced in the order of that distance.
     learnt = learns_inertia(scenario)
     matrices_all = np.concatenate([demand.matrices, learned_ratios(scenario)]) if learnt else demand.matrices
     matrices = np.unique(np.round(matrices_all, 12), axis=0)
     far = np.argsort(-np.abs(matrices - np.eye(len(loops))).max(axis=(1, 2)), kind="stable")
     which = np.unique(np.concatenate([far[: MATRICES // 2], far[:: max(1, len(far) // (MATRICES // 2))]]))
     radius = max(coupled_radius(loops, matrices[k], delay) for k in which)
-    text = f"the coupled loop has a modulus below 1 for {len(which)} constant K of members on the motion"
+    text = f"the coupled loop's eigenvalues have a modulus below 1 for {len(which)} constant K of members on the motion"
     text += ", initial and learned" if learnt else ""
-    says = f"together the joints' loops have a modulus of {radius:.4g} a period, and do not settle"
+    says = f"together the joints' loops do not settle: their largest eigenvalue modulus is {radius:.4g} per period"
     return _Together(radius, [Assumption(text, "tested" if radius < 1.0 else "fails", radius)], says)
 
 
 def _learning(law: SampledData, stable: bool) -> list[Assumption]:
-    """Assumptions of a law that learns, before and after learning."""
+    """Return the assumptions of a law that learns, before and after learning; none for another law."""
     learning = law.adaptation
     if not isinstance(learning, JointLearning):
         return []
@@ -200,7 +202,7 @@ def _learning(law: SampledData, stable: bool) -> list[Assumption]:
         "before learning the loop is stable with the initial model, for the whole set",
         "tested" if stable else "assumed",
     )
-    # Information grows with the square of the acceleration above the gate, until it outweighs the prior.
+    # Information grows with the square of accelerations above the gate. Learning takes until it outweighs the prior.
     prior, gate = np.asarray(learning.prior), np.asarray(learning.gate)
     time = float(np.max(prior / gate**2))
     afterwards = Assumption(

@@ -23,7 +23,9 @@ def learns_inertia(scenario: Scenario) -> bool:
 
 
 def learned_model(scenario: Scenario, belief: NominalModel, plant: Plant, motion: StateSequence) -> NominalModel:
-    """Return the model that a law has learned for a member along a motion.
+    """Return the model that a law is assumed to have learned for a member along a motion.
+
+    Each joint has the member's mean inertia along the motion and its Coulomb friction, within the limits of learning.
 
     - `belief`: the law's initial model.
     """

@@ -1,4 +1,4 @@
-"""Members of an uncertainty set: the true arms, each with its external forces, that a scenario allows."""
+"""Members of an uncertainty set: the true arms that a scenario allows, each with its external forces."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ CHUNK = 64
 """Number of members that are built together."""
 
 MOST_ENDS = 256
-"""Largest number of corners that are all evaluated."""
+"""Largest number of corners up to which all corners are evaluated."""
 
 NAMED = 6
-"""Largest number of values that a sentence names."""
+"""Largest number of uncertain values that a sentence lists by name."""
 
 BRIEF = 0.125
 """A force that acts at less than this share of the samples is brief: it may lie between random instants."""
@@ -50,15 +50,15 @@ NO_EFFECT = 1e-12
 """Share of the sum of all effects below which an effect is due to rounding."""
 
 INSTANTS = 64
-"""Number of instants of the motion at which effects of uncertain values are computed, besides those of jumps."""
+"""Number of instants of the motion at which effects of uncertain values are computed, in addition to jumps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Members:
     """The true arms of a scenario: points of a box with one axis for each uncertain value.
 
-    - `scenario`: the scenario, whose law is the same for all members.
-    - `family`: the set.
+    - `scenario`: the scenario; all members have its law.
+    - `family`: the uncertainty set.
     """
 
     scenario: Scenario
@@ -90,7 +90,7 @@ class Members:
         return Plant(own.robot, own.disturbance, load=own.load)
 
     def values(self, points: Floats) -> dict[str, Floats]:
-        """Return values by path in the scenario file; members are their first axis.
+        """Return the members' values by path in the scenario file, each [P ...].
 
         - `points`: points of the box [P D], as shares from 0 to 1.
         """
@@ -105,7 +105,7 @@ class Members:
 
         - `points`: points of the box [P D], as shares from 0 to 1.
 
-        Raises DefinitionError if there is no such arm.
+        Raises DefinitionError if the values do not define an arm.
         """
         if not self.axes:
             return [self.plant] * len(points)
@@ -127,7 +127,8 @@ class Members:
     def ends(self, without: Sequence[int] = (), most: int = MOST_ENDS) -> Floats:
         """Return the middle of the box, and its corners in all axes that can change the inertia [P D].
 
-        Of more than `most` corners, those of `extremes` are used, and the two with all values least and largest.
+        If there are more than `most` corners, only `most` of them are returned: the corners with all values least and
+        with all values largest, and corners from `extremes`.
 
         - `without`: axes without effect.
         """
@@ -149,11 +150,11 @@ class Members:
         return [k for k in range(len(self.axes)) if k not in without and self.is_inertial(k)]
 
     def extremes(self, count: int) -> Floats:
-        """Return corners at which the effects of the set's values add up, in pairs of opposite ones [count D].
+        """Return corners at which the effects of the set's values add up, in pairs of opposite corners [count D].
 
-        They add up in some direction, which weights the joints' torques at some times: each value is at the end that
-        increases the weighted sum. Therefore the corners do not depend on the order in which the set is written, or on
-        the number of equal terms by which a force is written. A value without effect is at its middle.
+        A direction weights the joints' torques at some times (`_direction`). At a corner each value is at the end that
+        increases the weighted sum; a value without effect is at its middle. So the corners do not depend on the order
+        in which the set is written, or on the number of equal terms by which a force is written.
         """
         effects = self._effects
         shares = np.empty((count, len(self.axes)))
@@ -168,10 +169,10 @@ class Members:
 
     @cached_property
     def _effects(self) -> Floats:
-        """Change of the torques along the motion from the lower to the upper end of each axis [D T n].
+        """Change of the torques along the motion from the lower to the upper end of each axis [D times n].
 
-        It is relative to the largest joint effect of all axes together, which does not depend on the number of equal
-        terms by which a force is written.
+        The change is relative to the largest effect of all axes together on that joint. So it does not depend on the
+        number of equal terms by which a force is written.
         """
         count, motion = len(self.axes), StateSequence.of(self.scenario)
         if not count:
@@ -220,16 +221,16 @@ class Members:
         return path.startswith("robot.") and path.split(".")[-1] not in ("coulomb", "viscous", "gravity_acceleration")
 
     def named(self, axes: Sequence[int]) -> str:
-        """Return the names of some axes for a sentence; of many, the first names and the number of the others."""
+        """Return the names of some axes for a sentence: at most `NAMED` names, then the number of further ones."""
         names = [self.axes[k].name for k in axes]
         more = len(names) - NAMED
-        return ", ".join(names) if more <= 1 else f"{', '.join(names[:NAMED])} and {more} more numbers"
+        return ", ".join(names) if more <= 1 else f"{', '.join(names[:NAMED])} and {more} more values"
 
     @cached_property
     def disturbances(self) -> tuple[AbstractDisturbance, AbstractDisturbance]:
-        """The disturbance with the least value of each number in the set, and the one with the largest.
+        """Two disturbances: with each number at its least value in the set, and with each at its largest value.
 
-        Each number of the disturbance depends on one axis, so axes are varied one at a time.
+        Each number of the disturbance depends on a single axis, so that axes are varied separately.
         """
         axes = self.disturbance_axes
         points = np.full((2 * len(axes) + 1, len(self.axes)), 0.5)
@@ -252,7 +253,7 @@ class Members:
         return Friction(jnp.asarray(coulomb), jnp.zeros(n), jnp.asarray(smoothing))
 
     def _arrays(self, values: dict[str, Floats]) -> Any:
-        """Return the arrays of some arms, with the arm as their first axis."""
+        """Return the arrays of some members' arms; their first axis is the member."""
         count = len(next(iter(values.values())))
         # All calls have the same size, so that the function is compiled once.
         filled = {path: np.resize(some, (CHUNK, *some.shape[1:])) for path, some in values.items()}
@@ -269,7 +270,7 @@ class Members:
 
     @cached_property
     def _middle(self) -> Any:
-        """Description of the scenario in the middle of the set, which has all uncertain paths."""
+        """The scenario's description with all uncertain values in the middle of the set."""
         values = self.values(np.full((1, len(self.axes)), 0.5))
         return self.family.case({path: some[0] for path, some in values.items()}).as_it_is()
 
@@ -280,10 +281,10 @@ class Members:
 
 
 def _direction(number: int, times: int, joints: int) -> Floats:
-    """Return weights of the joints' torques at some times [times joints], always the same for a number.
+    """Return direction `number`: weights of the joints' torques over time [times joints].
 
-    The first directions weight one joint each, equally at all times; the next ones all joints, with ever more sign
-    changes over time.
+    The first n directions weight a single joint, equally at all times. The next ones weight all joints, with more and
+    more sign changes over time.
     """
     if number < joints:
         return np.tile(np.arange(joints) == number, (times, 1)).astype(float)
@@ -293,12 +294,12 @@ def _direction(number: int, times: int, joints: int) -> Floats:
 
 
 CORNERS = 8
-"""Number of corners."""
+"""Number of corners that `corner_scenarios` returns."""
 
 
 @lru_cache(maxsize=4)
 def corner_scenarios(scenario: Scenario) -> Sequence[Scenario]:
-    """Return the scenario, and scenarios at corners of its set at which its values act together.
+    """Return the scenario, and scenarios at corners of its set at which the effects of its values add up.
 
     Raises DefinitionError if a set is empty or its path does not exist.
     """

@@ -36,7 +36,8 @@ REMEDY_FACTOR = 1.05
 def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
     """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: (44), (45), docs/sampled-data.md.
 
-    A law in sampled-data form limits its compensation to u, so that `s⁺ = 0` holds only if u is large enough.
+    w* is the disturbance that the law must compensate (`Demand`). A law in sampled-data form limits its compensation to
+    u, so that `s⁺ = 0` holds only if u is large enough.
 
     - `demand`: demand of the scenario's set; computed by default.
     """
@@ -78,7 +79,7 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
 
 
 def robust_bound(scenario: Scenario) -> AbstractBound | None:
-    """Return the bound u of a scenario's law; None for a law without one."""
+    """Return the bound u of a scenario's law; None for a law without a robust torque."""
     law: Any = scenario.controller
     decides = law.step if isinstance(law, SampledData) else law
     bound = getattr(decides.plan if isinstance(decides, CalmStep) else decides, "bound", None)
@@ -104,7 +105,7 @@ def _bound_values(bound: AbstractBound, q: Any, dq: Any, tau: Any) -> Any:
 UNCERTAINTY_BOUND = "uncertainty_bound", "the uncertainty bound covers the set"
 
 MEMBERS, STATES = 32, 128
-"""Number of random members, and of random states of each."""
+"""Number of random members, and number of random states of each member."""
 
 HELD_OUT = 4
 """Number of members for the independent check, relative to `MEMBERS`."""
@@ -133,7 +134,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
 
     ρ of (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, with b the true arm's weight, velocity forces and friction minus
     the external torque. A linear program over random members and states gives the b0, b1, b2 with the least mean bound
-    for the same γ; they are checked with independent members and states.
+    for the same γ. Independent members and states check these values.
 
     - `family`: a set in place of the scenario's own, such as a study's.
     """
@@ -187,7 +188,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
 
 
 def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintySamples:
-    """Return samples of a set: half of the members at its ends, half at random between such ends and its middle.
+    """Return samples of a set. Half of the members are at its corners, half between a corner and the middle.
 
     - `count`: number of members.
     """
@@ -239,7 +240,7 @@ def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
 
 
 def largest_share(numbers: Floats, gamma: float, samples: UncertaintySamples) -> float:
-    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs; inf if it needs more where this is 0.
+    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs; inf if this bound is 0 at such a sample.
 
     - `numbers`: b0, b1, b2.
     """

@@ -26,21 +26,21 @@ from .demand import Demand, compute_demand
 from .members import Members
 
 RUNS = 16
-"""Number of simulated pairs of a member and a start; the first is the scenario's own."""
+"""Number of simulated pairs of a member and a start; the first pair is the scenario's own."""
 
 SETTLED = 1.05
 """Ratio of the envelope to its final width at which the envelope counts as narrow."""
 
 AT_LIMIT = 0.999
-"""Share of a limit from which on a torque counts as limited."""
+"""Share of a limit above which a torque counts as limited."""
 
 
 @dataclass(frozen=True, eq=False)
 class ApproachRuns:
     """Results of the simulated approaches.
 
-    - `tau`: torques [R N n], N m or N; nan after the end of a run.
-    - `t`: times [N], s.
+    - `tau`: torques [runs times n], N m or N; nan after the end of a run.
+    - `t`: sample times [times], s.
     - `error`, `error_rate`: largest |e| and |ė| of each joint at the start [n].
     - `ended`: True if every run reached its end.
     """
@@ -71,7 +71,7 @@ class ApproachRuns:
         return np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
 
     def after(self, time: float) -> ApproachRuns:
-        """Return the approach from a time on, s."""
+        """Return the part of the approach from a time on [s]."""
         later = self.t >= time
         return replace(self, tau=self.tau[:, later], t=self.t[later])
 
@@ -83,7 +83,7 @@ class ApproachRuns:
         return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
-        """Return the time from which on each joint is within its limits [n], s."""
+        """Return for each joint the time after which it reaches no limit in any run [n], s."""
         with np.errstate(invalid="ignore"):
             limited = np.abs(self.tau) >= AT_LIMIT * limit
             limited[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
@@ -93,7 +93,7 @@ class ApproachRuns:
 
 
 def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns:
-    """Simulate the approach to the reference for members and starts at ends of a set, for at most `longest` seconds."""
+    """Simulate the approach to the reference for members and starts at corners of a set, for at most `longest` [s]."""
     scenario = members.scenario
     until = min(narrow_time(scenario), longest, scenario.t1)
     periods = max(round(until / scenario.period), 2)
@@ -139,7 +139,7 @@ def _arrays(plant: Plant) -> Any:
 
 
 def narrow_time(scenario: Scenario) -> float:
-    """Return 1.25 times the time at which the envelope is narrow, and 0.1 s more, s; t1 without an envelope."""
+    """Return 1.25 times the time at which the envelope is narrow, plus 0.1 s [s]; t1 without an envelope."""
     t = np.linspace(0.0, scenario.t1, 400)
     width = envelope_width(scenario, t)
     if width is None:
@@ -149,7 +149,7 @@ def narrow_time(scenario: Scenario) -> float:
 
 
 def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Return members and random starts at ends of the set, those of the scenario first."""
+    """Return members and random starts at corners of the set; the first are the scenario's own."""
     scenario, count = members.scenario, len(members.axes)
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
@@ -170,29 +170,32 @@ def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, F
 
 
 BRAKING_FACTOR = 1.6
-"""Default of `Recovery`."""
+"""New envelope's radius over the distance to brake: the default `room` of `Recovery`."""
 
 
 @dataclass(frozen=True)
 class BrakingMargin:
     """Braking capability along the motion.
 
-    - `acceleration`: a of each joint, while the others follow the motion [n], rad/s² or m/s²; inf without limits, 0
-      if the motion needs the whole torque.
-    - `lead`: `c = H - h/2`, with the law's horizon H, s.
+    - `acceleration`: a, the acceleration that each joint has left while the others follow the motion [n], rad/s² or
+      m/s². It is inf without limits, and 0 if the motion needs the whole torque.
+    - `lead`: `c = H - h/2` with the law's horizon H [s].
     """
 
     acceleration: Floats
     lead: float
 
     def room(self, error: Floats, rate: Floats) -> Floats:
-        """Return the half width of an envelope in which an error can be braked [n]: `1.6 (|e| + c |ė| + ė²/(2a))`."""
+        """Return the half width of an envelope in which a joint can brake [n]: `1.6 (|e| + c |ė| + ė²/(2a))`."""
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(rate > 0, rate * rate / (2.0 * self.acceleration), 0.0)
         return BRAKING_FACTOR * (error + self.lead * rate + distance)
 
     def speed(self, scenario: Scenario) -> Floats:
-        """Return the largest |ė| at e = 0 that can be braked within the final envelope [n]: `v²/(2a) + c v <= ρ∞`."""
+        """Return the largest |ė| at e = 0 from which a joint can brake in the final envelope [n].
+
+        It is the largest v with `v²/(2a) + c v <= ρ∞`.
+        """
         width = envelope_width(scenario, np.array([scenario.t1]))
         if width is None:
             return np.full_like(self.acceleration, np.inf)
@@ -205,7 +208,7 @@ class BrakingMargin:
 def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> BrakingMargin:
     """Return the drives' reserve, `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
 
-    The inertia is the largest of M0 and of the members at the ends of the set.
+    M_ii is the largest value of M0 and of the members at corners of the set.
 
     - `limit`: limits of the torques [n].
     - `torque`: largest |τ| along the motion over the set [n].
@@ -224,20 +227,20 @@ def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: 
 TORQUE_BUDGET = "torque_budget", "the drives deliver the torque"
 
 FREE = 0.1
-"""Share of the simulated approach, at its end, in which no limit may be reached."""
+"""Share of the simulated approach in which no limit may be reached: the last part."""
 
 LONGER = (1.5, 2.0, 3.0, 4.0)
-"""Factors of the deadline that are tried for a remedy."""
+"""Factors on the deadline in the search for a remedy."""
 
 
 @certificate(*TORQUE_BUDGET, covers=ARM)
 def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
     """Check torque and torque rate of every member against the limits of the drives.
 
-    Along the motion they are computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the approach from the start to the
-    reference they are simulated, for members and starts at ends of the set. If a limit is reached only on the approach,
-    the certificate holds with `since`, the time from which no limit is reached: the other certificates apply from then
-    on.
+    Along the motion the torques are computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the approach from the start
+    to the reference they are simulated, for members and starts at corners of the set. If a limit is reached only on the
+    approach, the certificate holds with `since`, the time after which no limit is reached. The other certificates apply
+    from then on.
 
     - `demand`: demand of the set; computed by default.
     - `family`: a set in place of the scenario's own, such as a study's; `demand` must belong to it.
@@ -316,7 +319,7 @@ def torque_limits(scenario: Scenario, joints: int) -> tuple[Floats, Floats]:
 
 def _approach_assumption(approach: ApproachRuns, since: float | None, free: bool) -> Assumption:
     count = count_noun(approach.runs, "simulated run")
-    runs = f"{count} of {approach.until:.3g} s, with arms and starts at ends of the set"
+    runs = f"{count} of {approach.until:.3g} s, with arms and starts at corners of the set"
     if not approach.ended:
         return Assumption(f"approach to the reference: not every run reaches its end, of {runs}", "fails")
     if since is None:
@@ -342,7 +345,8 @@ def _statement(
     unit, name = robot.torque_units[joint], robot.joint_names[joint]
     text = (
         f"Along the motion `{name}` uses {percent(used[joint])} of its drive: up to {torque[joint]:.4g} of "
-        f"{limit[joint]:.4g} {unit}, and {step[joint]:.3g} of {change[joint]:.3g} {unit} a period."
+        f"{limit[joint]:.4g} {unit}, and a torque step of up to {step[joint]:.3g} of {change[joint]:.3g} {unit} "
+        "per period."
     )
     if not reached.any():
         return f"{text} On the approach no limit is reached."
@@ -377,7 +381,7 @@ def _remedies(
 
 
 def _longer_deadline(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
-    """Return the shortest of some longer deadlines with which no limit is reached on the approach."""
+    """Return a remedy with the shortest deadline of `LONGER` for which the approach reaches no limit; else none."""
     performance: Any = getattr(scenario.description.scheme, "performance", None)
     deadline = getattr(performance, "deadline", None)
     if deadline is None or family is not None or scenario.changed:

@@ -1,4 +1,4 @@
-"""Admission of motions: whether a certified law tracks each within its bound, and how much slower it must be."""
+"""Admission of motions: decide if a certified law tracks a motion within its bound, or how much slower it must be."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ COVERED = (
     "start",
     "tolerance",
 )
-"""Blocks of an uncertainty set that the bound covers."""
+"""Paths of an uncertainty set that the bound covers."""
 
 SLOW_DOWNS = (1.1, 1.25, 1.41, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0)
-"""Factors on the time of a motion that are tried."""
+"""Factors on a motion's duration in the search for a slow-down."""
 
 LATE = 1e9
 """s: time at which every tolerance band has its final width."""
 
 HALVINGS = 3
-"""Times that the gap below the first factor that holds is halved."""
+"""Bisection steps below the first factor with which the motion is admitted."""
 
 
 @dataclass(frozen=True)
 class MotionLimit:
-    """A limit that a motion may pass, where that is worst.
+    """A limit that a motion may exceed, at the joint and time of the largest excess.
 
-    - `joint`: its name. `time`: s.
+    - `joint`: name of the joint. `time`: s.
     - `what`: `error`, `position`, `speed`, `torque`, `torque step` or `planned torque step`.
-    - `value`, `allowed`: in SI units; the value is None if it has no bound.
+    - `value`, `allowed`: the bound and its limit, in SI units; the value is None if no bound exists.
     """
 
     joint: str
@@ -74,10 +74,12 @@ class MotionLimit:
 
 @dataclass(frozen=True, eq=False)
 class MotionVerdict:
-    """The bound along one motion, and the limits that it may pass.
+    """The bound along one motion, and the limits that the motion may exceed.
 
-    - `verdict`: as of a certificate. It holds if the error is within the allowed one, and no torque limit acts.
-    - `limits`: all that forbids the motion, or would if the torque steps count; the worst first.
+    - `verdict`: verdict as of a certificate. It holds if the error is at most the allowed error, the arm's ranges are
+      kept and no torque limit acts.
+    - `limits`: limits that the motion may exceed: error, positions, speeds, then drives. A limit on the torque step
+      alone does not change the verdict.
     """
 
     verdict: Verdict
@@ -85,20 +87,22 @@ class MotionVerdict:
 
     @property
     def step_proved(self) -> bool:
-        """True if no limit of the torque rate acts."""
+        """True if it is proved that no torque rate limit acts."""
         return all(limit.what != "torque step" for limit in self.limits)
 
 
 @dataclass(frozen=True, eq=False)
 class MotionAdmission:
-    """The answer for one motion.
+    """The decision for one motion.
 
     - `name`: name of the motion, such as its file.
     - `admitted`: True if the guarantee holds for the motion as it is.
-    - `bound`: largest error of each joint [n], rad or m; None without a bound.
-    - `dominant`: the term with the largest share of it.
-    - `slow_down`: smallest factor on its time, of those tried, with which it is admitted; None if none is.
-    - `limit`: what forbids it; None if it is admitted.
+    - `bound`: error bound of each joint [n], rad or m; None if no bound exists.
+    - `dominant`: the term with the largest share of the bound; empty if no bound exists.
+    - `slow_down`: smallest factor on the motion's duration with which it is admitted, as far as the search tells; None
+      if no factor was found.
+    - `limit`: the first limit that the motion may exceed; None if it is admitted.
+    - `verdict`: the verdict for the motion as it is.
     """
 
     name: str
@@ -110,7 +114,7 @@ class MotionAdmission:
     verdict: Verdict = field(repr=False)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the answer as `slidax admit --json` prints it."""
+        """Return the decision as `slidax admit --json` prints it."""
         return {
             "file": self.name,
             "admitted": self.admitted,
@@ -126,8 +130,8 @@ class MotionAdmission:
 def tracking_bound(scenario: Scenario) -> Verdict:
     """Bound the tracking error along the scenario's motion, for its whole uncertainty set (docs/any-motion.md).
 
-    - `scenario`: with computed torque or a sliding-mode law in sampled-data form, the same loop in all joints, and a
-      motion of polynomials, a sinusoid or exponentials.
+    - `scenario`: a scenario with computed torque or a sliding-mode law in sampled-data form, and the same loop in all
+      joints. Its motion consists of polynomials, a sinusoid or exponentials.
     """
     try:
         law = certified_law(scenario)
@@ -139,7 +143,7 @@ def tracking_bound(scenario: Scenario) -> Verdict:
 
 @lru_cache(maxsize=4)
 def certified_law(scenario: Scenario) -> CertifiedLaw:
-    """Return `CertifiedLaw.of`, computed once for a scenario."""
+    """Return `CertifiedLaw.of`; cached."""
     return CertifiedLaw.of(scenario)
 
 
@@ -154,7 +158,7 @@ def piecewise(motion: AbstractMotion) -> AbstractPiecewisePolynomial:
 
 
 def allowed_error(scenario: Scenario) -> Floats | None:
-    """Return the smaller side of the scenario's tolerance band once it is narrow [n], rad or m; None without one."""
+    """Return the narrower side of the scenario's final tolerance band [n], rad or m; None without a band."""
     if scenario.tolerance is None:
         return None
     still, late = jnp.zeros(scenario.controller.joints), jnp.asarray(LATE)
@@ -172,12 +176,12 @@ def admit(
     assume_steps: bool = False,
     slow_down: bool = True,
 ) -> MotionAdmission:
-    """Decide if a motion is inside the guarantee of a law, and how much slower it must be if not.
+    """Decide if a law's guarantee holds for a motion, and if not, how much slower the motion must be.
 
-    - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
-    - `assume_steps`: True to admit a motion for which it is not proved that the torque rate limit does not act, if the
-      motion itself needs no larger step.
-    - `slow_down`: True to search the smallest factor on the motion's time with which it is admitted.
+    - `allowed`: largest allowed error, a scalar or [n], rad or m; None to admit any motion that has an error bound.
+    - `assume_steps`: True to assume that the torque rate limit does not act where that is not proved. A motion that
+      itself needs larger torque steps is still not admitted.
+    - `slow_down`: True to search for the smallest factor on the motion's duration with which it is admitted.
     """
 
     def judged(factor: float) -> MotionVerdict:
@@ -214,9 +218,10 @@ def admit(
 
 
 def monitor_setting(admissions: Sequence[MotionAdmission]) -> dict[str, list[float]] | None:
-    """Return the monitor for a law along admitted motions, as in a scenario file; None if none is admitted.
+    """Return the setting of a monitor for admitted motions, as in a scenario file; None if no motion is admitted.
 
-    No arm of the set makes it alarm: the estimated disturbance of each joint stays below `disturbance`.
+    `disturbance` bounds each joint's estimated disturbance for every arm of the set. So the monitor raises no false
+    alarm on these arms.
     """
     bounds = [answer.verdict.bound["disturbance"] for answer in admissions if answer.admitted]
     if not bounds:
@@ -242,9 +247,9 @@ def slowed(motion: AbstractPiecewisePolynomial, factor: float) -> AbstractPiecew
 def judge_motion(
     law: CertifiedLaw, motion: AbstractMotion, allowed: Any = None, until: float | None = None
 ) -> MotionVerdict:
-    """Return the bound along a motion with all that it stands on.
+    """Return the bound along a motion with its assumptions, and the limits that the motion may exceed.
 
-    - `allowed`: largest error, one number or [n], rad or m; None for any that has a bound.
+    - `allowed`: largest allowed error, a scalar or [n], rad or m; None if any error bound will do.
     - `until`: time up to which a motion without an end is bounded [s].
     """
     certified = certified_path(
@@ -286,7 +291,7 @@ def judge_motion(
 
 
 def _error_limit(law: CertifiedLaw, certified: CertifiedPath, allowed: Any) -> MotionLimit:
-    """Where the error is too large, or grows without end."""
+    """Return the limit on the error, where the error exceeds it most or has no bound."""
     bounds = certified.bounds
     limit = np.broadcast_to(np.asarray(np.inf if allowed is None else allowed, float), law.arm.joints)
     share = bounds.error if allowed is None else bounds.error / limit
@@ -297,7 +302,7 @@ def _error_limit(law: CertifiedLaw, certified: CertifiedPath, allowed: Any) -> M
 
 
 def _passed_ranges(law: CertifiedLaw, motion: AbstractPieces) -> list[MotionLimit]:
-    """Positions and speeds beyond the arm's own limits."""
+    """Return the motion's positions and speeds beyond the arm's own limits."""
     limits, passed = law.arm.limits, []
     for order, what, low, high in (
         (0, "position", limits.lower, limits.upper),
@@ -321,9 +326,9 @@ def _passed_ranges(law: CertifiedLaw, motion: AbstractPieces) -> list[MotionLimi
 def _drive_lines(
     law: CertifiedLaw, certified: CertifiedPath, drives: DriveBounds
 ) -> tuple[list[Assumption], list[MotionLimit]]:
-    """Assumptions about the drives' limits, and those limits that may act.
+    """Return the assumptions about the drives' limits, and the limits that may act.
 
-    A torque step that the motion itself needs cannot be assumed away: even the nominal arm needs it.
+    If the motion itself needs too large a torque step, the assumption fails: even the nominal arm needs that step.
     """
     lines, passed = [], []
     allowed = np.broadcast_to(law.loop.period * law.torque_rate, drives.planned_step.shape)
@@ -360,6 +365,6 @@ def _drive_lines(
         assumed = what == "torque step" and possible
         lines.append(Assumption(text, "assumed" if assumed else "fails", float(value[cell, joint])))
         passed.append(MotionLimit(name, time, what, float(value[cell, joint]), float(limit[joint])))
-    # A torque beyond its limit is named first, as in C.
+    # The torque comes before the torque step, as in the C code.
     passed.sort(key=lambda limit: limit.what != "torque")
     return lines, passed

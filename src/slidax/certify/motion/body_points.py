@@ -28,17 +28,19 @@ from slidax.identify.regressor import BODY, PAIRS
 Floats = NDArray[np.float64]
 
 Jet = list[Floats]
-"""A quantity and its derivatives by time, each [N ...]."""
+"""A quantity and its derivatives by time, each [times ...]."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPoints:
-    """The numbers of an arm that its motion needs.
+    """Kinematics and inertial parameters of an arm, with its bodies as points with mass.
 
-    - `rotations`, `translations`: each joint's frame in its parent's [n 3 3], [n 3].
-    - `revolute`: [n]; `before`: [n n], True where the row's joint is the column's or one of its ancestors.
+    - `rotations`, `translations`: each joint's frame in its parent's frame [n 3 3], [n 3].
+    - `revolute`: True for a revolute joint [n].
+    - `before`: [n n], True where the row's joint is the column's joint or an ancestor of it.
+    - `parents`: index of each joint's parent; below 0 for the base.
     - `pseudo_inertias`: of each joint's body with its payload, in the joint's frame [n 4 4].
-    - `points`: four points of each, in homogeneous coordinates [n 4 4].
+    - `points`: four points of each body, in homogeneous coordinates [n 4 4].
     - `rotors`: inertia of the rotors [n], kg m²; `gravity`: [3], m/s².
     """
 
@@ -93,7 +95,7 @@ class BodyPoints:
 def pseudo_inertias(parameters: Floats) -> Floats:
     """Return the pseudo-inertias of bodies [... n 4 4].
 
-    - `parameters`: ten numbers of each, as in `identify.regressor` [... 10n].
+    - `parameters`: ten parameters per body, as in `identify.regressor` [... 10n].
     """
     bodies = parameters.reshape(*parameters.shape[:-1], -1, BODY)
     inertia = np.empty((*bodies.shape[:-1], 3, 3))
@@ -115,10 +117,10 @@ def points_of(pseudo: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Points along a motion, at N times; D numbers, 12 for each body.
+    """Points along a motion, at several times. X has D = 12 n coordinates: three for each of a body's four points.
 
-    - `columns`: Y and its first two derivatives by time, each [N D n].
-    - `acceleration`: `Ẍ - g` [N D], and `jerk`: `X⃛` [N D].
+    - `columns`: Y and its first two derivatives by time, each [times D n].
+    - `acceleration`: `Ẍ - g` [times D]; `jerk`: `X⃛` [times D].
     """
 
     columns: tuple[Floats, Floats, Floats]
@@ -128,12 +130,12 @@ class PointMotion:
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
-    """The joints' frames along a motion: their three axes and their origin, as if they were points.
+    """The joints' frames along a motion. Each frame counts as four points: its three axes and its origin.
 
-    - `columns`: derivatives by the positions, and their first two derivatives by time, each [N n n 4 3]: joint, frame,
-      point.
-    - `acceleration`: less gravity [N n 4 3], and `jerk`.
-    - `axes`: the joints' axes of rotation z [N n 3]; 0 for a prismatic joint.
+    - `columns`: derivatives of the points by the joint positions, and their first two derivatives by time. Each is
+      [times n n 4 3], for time, joint, frame, point and coordinate.
+    - `acceleration`: acceleration of the points less gravity [times n 4 3]; `jerk`: their jerk [times n 4 3].
+    - `axes`: the joints' axes of rotation z [times n 3]; 0 for a prismatic joint.
     """
 
     columns: tuple[Floats, Floats, Floats]
@@ -147,7 +149,7 @@ class FrameMotion:
         - `points`: points in homogeneous coordinates [n 4 4].
         """
         count, n = self.axes.shape[:2]
-        # Of each body, from 12 numbers of its frame to 12 of its points.
+        # For each body: the map from the 12 coordinates of its frame to the 12 coordinates of its points.
         maps = np.einsum("bpq,xy->bqxpy", points, np.eye(3)).reshape(n, 12, 12)
 
         def moved(frames: Floats) -> Floats:
@@ -165,7 +167,7 @@ class FrameMotion:
 def frame_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> FrameMotion:
     """Return the joints' frames along a motion.
 
-    - `q`, `dq`, `ddq`, `dddq`: positions and their derivatives [N n].
+    - `q`, `dq`, `ddq`, `dddq`: positions and their derivatives [times n].
     """
     count, n = q.shape
     turns, places = _frames(bodies, [q, dq, ddq, dddq])
@@ -208,7 +210,7 @@ def frame_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: F
 
 
 def _frames(bodies: BodyPoints, motion: Jet) -> tuple[list[Jet], list[Jet]]:
-    """Each joint's axes and place in the base frame, with three derivatives by time."""
+    """Return each joint's axes and origin in the base frame, with three derivatives by time."""
     q, v, a, j = motion
     cosine, sine = np.cos(q), np.sin(q)
     # Derivatives of e^{iq}: by time once, twice and three times.
@@ -247,7 +249,7 @@ def _about_z(value: Any, still: float) -> Floats:
 
 
 def _leibniz(a: Jet, b: Jet) -> Jet:
-    """Derivatives of a product of matrices."""
+    """Return the derivatives of a product of matrices, by Leibniz's rule."""
     choose = ((1,), (1, 1), (1, 2, 1), (1, 3, 3, 1))
     return [
         sum((row[i] * (a[i] @ b[order - i]) for i in range(order + 1)), np.zeros(()))

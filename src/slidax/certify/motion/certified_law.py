@@ -1,4 +1,7 @@
-"""A scenario's law, true arm, sensors and drives, as `tracking_bound` needs them."""
+"""A scenario's law, true arm, sensors and drives, as `tracking_bound` needs them.
+
+Scenarios outside the bound's scope are refused here, with a remedy.
+"""
 
 from __future__ import annotations
 
@@ -30,22 +33,22 @@ from .tracking_bound import WIDEST, ArmUncertainty
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-9
-"""rad/s or m/s: velocities of this size are due to rounding."""
+"""rad/s or m/s: velocities up to this size are attributed to rounding."""
 
 SIGMAS = 6.0
-"""Standard deviations within which normal noise of the encoders is assumed to stay."""
+"""The encoders' normal noise is assumed to stay within this number of standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
 class CertifiedLaw:
-    """A law that is certified along motions, with everything but the motion.
+    """A law to certify along motions, with its arm, uncertainty and limits: everything but the motion.
 
-    - `arm`: the nominal arm; `bodies`: its points.
+    - `arm`: the nominal arm; `bodies`: its bodies as points with mass.
     - `loop`: loop of every joint.
     - `uncertainty`: uncertainty of the true arm.
-    - `gate`: gate of its measurements.
-    - `torque`, `torque_rate`: limits of the drives and of the law [n].
-    - `premises`: assumptions that no bound proves.
+    - `gate`: the law's measurement gate.
+    - `torque`, `torque_rate`: the smaller of the drives' and the law's limits [n].
+    - `premises`: assumptions that the certificate does not prove.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
     """
 
@@ -63,7 +66,7 @@ class CertifiedLaw:
     def of(cls, scenario: Scenario) -> CertifiedLaw:
         """Return the law of a scenario, with its true arm and its block `uncertainty`.
 
-        Raises DefinitionError with the part of the scenario that no bound covers, and a remedy.
+        Raises DefinitionError for a scenario outside the bound's scope; the message names the setting and a remedy.
         """
         law = scenario.controller
         if not isinstance(law, SampledData):
@@ -114,7 +117,10 @@ class CertifiedLaw:
 
 
 def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
-    """Plant, true arm and start with the least and with the largest value of each uncertain number."""
+    """Return two triples of plant, true arm and start: for the least and for the largest value of each uncertain path.
+
+    The inertial band is left out.
+    """
     family = family_of(scenario)
     sets = {} if family is None else {k: each for k, each in family.space.sets.items() if k != INERTIAL_PATH}
     both = []
@@ -125,13 +131,13 @@ def _ends(scenario: Scenario) -> list[tuple[Plant, Articulated, Any]]:
             moving = family.case(values).as_it_is().moving()
             plant, state = moving.plant, moving.state0
         if not isinstance(plant, Plant):
-            raise DefinitionError("a bound along a motion is of slidax's own plant: leave out `simulation.mujoco`")
+            raise DefinitionError("a bound along a motion needs slidax's own plant: leave out `simulation.mujoco`")
         both.append((plant, rigid_links(plant.robot), state))
     return both
 
 
 def _region(scenario: Scenario, arm: Articulated, bodies: BodyPoints, plant: Plant) -> ParameterRegion:
-    """The region of the true arm's inertial parameters."""
+    """Return the region of the true arm's inertial parameters."""
     family = family_of(scenario)
     band = None if family is None else family.space.sets.get(INERTIAL_PATH)
     regions = []
@@ -150,7 +156,8 @@ def _disturbance(plants: list[Plant], joints: int) -> Floats:
     size = plants[0].disturbance.largest(plants[1].disturbance, joints)
     if not np.all(np.isfinite(size)):
         raise DefinitionError(
-            "a disturbance has no largest force: describe friction under `robot.plant`, and leave out a contact"
+            "a bound along a motion needs disturbances of bounded torque: describe friction under `robot.plant`, and "
+            "leave out a contact"
         )
     return np.asarray(size, float)
 
@@ -160,17 +167,17 @@ def _behind_delay(sensor: AbstractSensor | None) -> AbstractSensor | None:
 
 
 def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, tuple[Assumption, ...]]:
-    """Resolution with the range of the noise added [n], and what is assumed of it."""
+    """Return the encoders' resolution plus the range of their noise, peak to peak [n], and the assumption about it."""
     delay = 0.0
     if isinstance(sensor, Lossy):
         raise DefinitionError("a bound along a motion needs every sample: leave out `sensor.loss`")
     if isinstance(sensor, Delayed):
         if sensor.jitter:
-            raise DefinitionError("a bound along a motion needs measurements of constant age: set `sensor.jitter: 0`")
+            raise DefinitionError("a bound along a motion needs a constant measurement delay: set `sensor.jitter: 0`")
         delay, sensor = float(sensor.periods), sensor.sensor
     if delay != law.believed_delay:
         raise DefinitionError(
-            f"measurements are {delay:g} periods old, and the law believes {law.believed_delay:g}: leave out "
+            f"the measurement delay is {delay:g} periods, but the law assumes {law.believed_delay:g}: leave out "
             "`scheme.sampled_data.delay`"
         )
     if sensor is None or isinstance(sensor, Exact):
@@ -181,18 +188,18 @@ def _encoders(sensor: AbstractSensor | None, law: SampledData) -> tuple[Floats, 
         )
     if isinstance(sensor, Encoders) and np.any(np.asarray(sensor.velocity_noise)):
         raise DefinitionError(
-            "a bound along a motion needs a first velocity without noise: set `sensor.velocity: differenced`, since a "
-            "Kalman filter uses no other measured velocity"
+            "a bound along a motion needs a velocity without noise at the first sample: set "
+            "`sensor.velocity: differenced`; the Kalman filter uses the measured velocity only at that sample"
         )
     noise = np.broadcast_to(np.asarray(sensor.position_noise, float), law.joints)
     resolution = np.broadcast_to(np.asarray(sensor.resolution, float), law.joints) + 2.0 * SIGMAS * noise
     if not noise.any():
         return resolution, ()
-    return resolution, (Assumption(f"no position is off by more than {SIGMAS:g} deviations of the noise", "assumed"),)
+    return resolution, (Assumption(f"no position's noise exceeds {SIGMAS:g} standard deviations", "assumed"),)
 
 
 def _drives(plants: list[Plant], law: SampledData) -> tuple[Floats, Floats]:
-    """The smaller limits of drives and law on torque [n] and torque rate [n]."""
+    """Return the limits of torque and torque rate [n]: the smaller of the drives' and the law's."""
     torque, rate = (np.broadcast_to(np.asarray(getattr(law.limits, name)), law.joints) for name in ("torque", "rate"))
     for plant in plants:
         actuator = plant.actuator
@@ -211,7 +218,7 @@ def _drives(plants: list[Plant], law: SampledData) -> tuple[Floats, Floats]:
 
 
 def _start(scenario: Scenario, states: list[Any]) -> tuple[Floats, Floats]:
-    """|e| and |ė| at the start [n]."""
+    """Return the largest |e| and |ė| at the start [n]."""
     reference = scenario.trajectory.reference(jnp.zeros(()))
     errors = [np.abs(np.asarray(state.q - reference.q, float)) for state in states]
     speeds = [np.abs(np.asarray(state.dq - reference.dq, float)) for state in states]

@@ -1,9 +1,12 @@
 """Bounds of the commanded torque and of its step from one period to the next.
 
-The command is the torque of the plan, `M0 s`, and what the model adds where it is evaluated off the plan. Of the
-nominal loop `s = S * w` is a scalar kernel for all joints, which commutes with M0 but for its change in the kernel's
-memory: so friction, disturbance torques and the band enter `M0 s` as torques of their own joint, and not through
-`|M0| |M0⁻¹|`. The bound by the size of s, `Σ_j |M0_ij| |s_j|`, is the other one; the smaller of both counts.
+The commanded torque has three parts: the torque of the planned motion, `M0 s`, and the change of the model's torque as
+the model is evaluated off the plan. `M0 s` has two bounds, and the smaller bound is used:
+
+- by the size of s: `Σ_j |M0_ij| |s_j|`;
+- by torques: in the nominal loop `s = S * w` with one scalar kernel for all joints. The kernel commutes with M0, but
+  for the change of M0 in the kernel's memory. So friction, disturbances and the band enter `M0 s` as torques of their
+  own joint, and not through `|M0| |M0⁻¹|`.
 """
 
 from __future__ import annotations
@@ -35,10 +38,10 @@ BATCH = 512
 
 @dataclass(frozen=True, eq=False)
 class DriveBounds:
-    """Bounds in each cell [N n], N m or N.
+    """Bounds in each cell [cells n], N m or N.
 
-    - `torque`: torque of the command; `step`: of its change from a period to the next.
-    - `planned_torque`, `planned_step`: of the plan alone.
+    - `torque`: commanded torque; `step`: change of the commanded torque from one period to the next.
+    - `planned_torque`, `planned_step`: the same for the planned motion alone.
     - `step_terms`: shares of `step` by name; their sum is at least `step`.
     """
 
@@ -50,9 +53,9 @@ class DriveBounds:
 
 
 def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
-    """Return the bounds of torque and step along a path with verified error bounds.
+    """Return the bounds of torque and torque step along a path.
 
-    - `arm`: the nominal arm.
+    - `arm`: the nominal arm. `solution`: verified error bounds.
     """
     problem, bounds = solution.problem, solution.bounds
     planned, planned_step = planned_torques(arm, problem.path.cells)
@@ -68,9 +71,9 @@ def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
 
 
 def planned_torques(arm: Articulated, cells: PathCells) -> tuple[Floats, Floats]:
-    """Return the largest torque of the plan, as the law computes it, and its largest step, in each cell [N n].
+    """Return the planned motion's largest torque and torque step in each cell [cells n], as the law computes them.
 
-    Before the first one the nominal arm is held, at rest or in uniform motion.
+    The first step is relative to the torque that holds the nominal arm at rest, or in uniform motion.
     """
     h, count = cells.period, len(cells.q) * cells.per_cell
     q, dq, *_ = cells.pieces.at(np.asarray(np.arange(count + 2) * h, float))
@@ -84,7 +87,7 @@ def planned_torques(arm: Articulated, cells: PathCells) -> tuple[Floats, Floats]
     torque = torque + np.asarray(arm.viscous) * middle_dq
     held = np.asarray(arm.bias(jnp.asarray(q[0]), jnp.asarray(dq[0])))
     step = np.abs(np.diff(torque, axis=0, prepend=held[None]))
-    # A step counts in both cells that it joins.
+    # A step between two cells counts in both.
     step = np.maximum(step[:-1], step[1:])
     shape = (len(cells.q), cells.per_cell, -1)
     return np.abs(torque[:-1]).reshape(shape).max(axis=1), step.reshape(shape).max(axis=1)
@@ -96,13 +99,10 @@ def _torques(arm: Any, q: Any, dq: Any, ddq: Any) -> Any:
 
 
 class Torques:
-    """Torques that act on the joints' loops, and the change of the model from a period to the next.
-
-    All of it follows from verified bounds of the outputs.
-    """
+    """Bounds of the torques that act on the joints' loops, and of the model's change from one period to the next."""
 
     def __init__(self, problem: Problem, bounds: Bounds) -> None:
-        """Compute the torques."""
+        """Compute the bounds of the torques from verified bounds of the outputs."""
         self.problem, self.bounds, self.at = problem, bounds, problem.at
         self.cell = cell = Cell(problem.path, problem.tube)
         path, at, inputs, cells, weight = problem.path, problem.at, problem.inputs, problem.path.cells, cell.weight
@@ -132,9 +132,9 @@ class Torques:
         self.total_norm = bounds.disturbance_norm + problem.p * moving + at.band + problem.pushed_norm
 
     def commanded(self, name: str) -> dict[str, Floats]:
-        """Shares of M0 times an output by name [N n].
+        """Return bounds of M0 times an output as shares by name [cells n]; their sum bounds the product.
 
-        - `name`: of the output, with `beyond` 0 in its kernel: `command`, `command_step`, `estimate` or `innovation`.
+        - `name`: an output whose kernel has `beyond` 0, such as `command`, `command_step`, `estimate` or `sliding`.
         """
         problem, at, inputs, cells = self.problem, self.at, self.problem.inputs, self.problem.path.cells
         i, table = USED.index(name), problem.nominal
@@ -147,7 +147,7 @@ class Torques:
             return np.einsum("nij,nj->ni", at.inertia, joints)
 
         shares = {key: past(table.any_form, value) for key, value in self.acting.items()}
-        # A slow w is followed: s = -w + (s + w), and the step of s is that of -w and of s + w.
+        # The law follows a slow w: s = -w + (s + w), and the step of s is the step of -w plus that of s + w.
         followed = USED.index("acceleration") if name == "command" else i
         moving = past(table.ramp, self.slow_rate, followed) + (self.slow if name == "command" else 0.0)
         begun = at.torque_jump.copy()
@@ -164,7 +164,7 @@ class Torques:
         shares["start"] = weighed(np.sum([lags.since(start)[..., i] for lags, start in begins], axis=0))
         if problem.hand_over is not None:
             shares["hand-over"] = weighed(past(table.goal, problem.hand_over.goal(self.bounds.outputs["led"])))
-        # M0 where the model is evaluated, less M0 of the arm when w acted.
+        # Difference between M0 where the model is evaluated now and M0 at the arm's position when w acted.
         kernel = problem.stacks["nominal"].summed[:, SUMMED.index("any_form"), i, None]
         ages = (h * (1.0 + np.arange(len(kernel))))[:, None]
         turning = Lags.of(kernel * ages * np.exp(problem.growth * ages), *problem.cut)
@@ -175,9 +175,9 @@ class Torques:
         return shares
 
     def moved(self, position: str, velocity: str) -> Floats:
-        """Torque of the model, without s, by a move of where it is evaluated [N n].
+        """Return the change of the model's torque as its position and velocity change [cells n], without s.
 
-        - `position`, `velocity`: names of the outputs that bound the move.
+        - `position`, `velocity`: names of the outputs that bound the two changes.
         """
         outputs, norms = self.bounds.outputs, self.bounds.norms
         turned = np.einsum("nij,nj->ni", self.coriolis, outputs[velocity])
@@ -186,9 +186,10 @@ class Torques:
 
     @cached_property
     def moves(self) -> tuple[Floats, Floats, Floats]:
-        """Steps of the model's deviation from the motion: of position and velocity [N n], and of this in norm [N].
+        """Steps of the model's deviation from the motion, per period.
 
-        The plan is evaluated at a mean velocity, whose rate is that of the motion but for these shares.
+        Steps of position and velocity [cells n], and the norm of the velocity step [cells]. The plan's velocity is a
+        mean over a period, so that its rate differs from the motion's by the shares `off`.
         """
         cells, h = self.problem.path.cells, self.problem.path.cells.period
         place, speed = self.bounds.outputs["model_position_step"], self.bounds.outputs["model_velocity_step"]
@@ -197,15 +198,17 @@ class Torques:
         return place + h * off, speed + off, norm
 
     def turning(self) -> Floats:
-        """Step of `M0 s` as M0 changes in a period [N n]."""
+        """Return the step of `M0 s` due to the change of M0 in a period [cells n]."""
         turned = self.cell.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
         change = self.problem.path.cells.period * self.at.change_torques + turned
         return change * self.bounds.norms["command"][:, None]
 
     def state_step(self) -> Floats:
-        """Step of the model's torque, without s, by where it is evaluated [N n]: by its move, and by that of the model.
+        """Return the step of the model's torque off the plan [cells n], without the share of s.
 
-        `2 C` changes as along the motion at the centre, and by the move; P by the norms of its columns.
+        The step has two parts: the model's position and velocity change, and so do its derivatives `2 C` and P. The
+        change of `2 C` is its rate along the motion at the centre, plus a remainder; the change of P is bounded by
+        columns.
         """
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
         path, tube, cells, sums, vectors = cell.path, cell.tube, cell.path.cells, cell.sums, cell.vectors
@@ -218,7 +221,7 @@ class Torques:
         rate = rate + 2.0 * (cell.moved * (first + turned) + first * turned + cell.drift * second + cell.whole * more)
         step = sums(moved) * (first + turned) + cell.whole * sums(moved, cell.wide[1]) + cell.turn(faster, faster_norm)
         changed = cell.torques(h * path.torques[1], h * rate + 2.0 * step) * norms["model_velocity"][:, None]
-        # Steps of the position, velocity and acceleration that the model is given.
+        # Steps of the position, velocity and acceleration at which the model is evaluated.
         wide, whole, gone = cell.wide[1], cell.acceleration, h * cell.speed + moved
         planned = h * (cell.acceleration + cells.jump)
         faster_norm = faster_norm + size_in(planned, at.inertia)

@@ -1,17 +1,17 @@
 """Error bounds along a motion as a fixed point of monotone inequalities.
 
-All joints have the same scalar loop, so that a bound of the disturbance w in a norm gives a bound of every output in
-that norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, and w depends on the outputs itself.
-Two bounds of each output are used, and the smaller one counts:
+All joints have the same scalar loop. So a bound of the disturbance w in a norm gives a bound of every output in that
+norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, where w itself depends on the outputs. ρ is
+the reference's mean acceleration in a period less its actual one. The smaller of two bounds of each output is used:
 
 - small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
   `|M0⁻¹ E| |x|`;
-- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)], and the loop of a constant K
-  is a function of it. For one joint the nominal response counts in full and its departure over κ in the metric; the
-  change of K since an earlier instant is a further disturbance (drift).
+- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)]. For a constant K the loop's
+  response is a function of K. A joint's bound is its nominal response, plus the largest difference from it over κ,
+  bounded in the metric. The change of K since an earlier instant counts as a further disturbance (drift).
 
-Values in cells are bounds for all instants of a cell. A vector of values that the inequalities do not enlarge is a
-bound, as each inequality at a time needs the outputs before it only.
+A value in a cell is a bound for all instants of the cell. Values that satisfy all inequalities are bounds, since the
+inequality at a time needs only earlier outputs. docs/any-motion.md, sections 5 to 8, has the proofs.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from .hand_over import HandOverCells
 from .joint_loop import OUTPUTS, JointLoop
-from .lagged_sums import KernelStack, Lags, LagTable
-from .loop_kernels import LoopKernel, Spread, spread_kernels
+from .lagged_sums import KernelStack, Lags, LagTable, remembered
+from .loop_kernels import Spread, spread_kernels
 from .path import Path
 from .path_norms import size_in
 from .path_suprema import Suprema
@@ -35,21 +35,18 @@ from .path_tube import Tube
 Floats = NDArray[np.float64]
 
 ROUNDS = 100
-"""Rounds after which an iteration that still grows has no bound."""
+"""Largest number of rounds. If the iteration has not converged by then, it has no bound."""
 
 SETTLED = 1e-3
 """Relative change at which an iteration is extrapolated and verified."""
 
 NEAR = 0.03
-"""Relative change of the largest error at which an iteration is near its limit."""
+"""Relative change of the largest error below which `approach` stops."""
 
 WIDENINGS = 4
-"""Times that bounds which may be one are widened where they are not."""
+"""Number of times that a candidate which violates an inequality is enlarged and checked again."""
 
 TINY = 1e-300
-
-MEMORY = 2e-4
-"""Share of a kernel that is charged to the largest value of the whole motion, and not to the time it belongs to."""
 
 TERMS = (
     "friction",
@@ -63,7 +60,7 @@ TERMS = (
     "start",
     "hand-over",
 )
-"""Shares of a bound."""
+"""Names of the shares of an error bound."""
 
 USED = (
     "error",
@@ -82,22 +79,22 @@ USED = (
     "led",
     "sliding",
 )
-
+"""Outputs of the joint loop that the inequalities bound."""
 
 DIRECT_SHARE = {"position_miss": 0.5, "velocity_miss": 1.0}
-"""Largest direct effect of an acceleration in its own period, in units of the period."""
+"""Largest effect of an acceleration on an output in the same period, in units of the period."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Bounds of what acts on the joints.
+    """Bounds of friction, disturbance, measurement error and initial state, per joint.
 
-    - `coulomb`: size of Coulomb friction that is not compensated [n], N m or N.
-    - `viscous`: largest viscous friction [n], N m s/rad; `viscous_error`: largest difference from what is fed forward.
-    - `torque`: disturbance torque of any form [n]; `torque_rate`: bound of its rate [n], inf for none.
-    - `resolution`: resolution of the encoders [n], rad or m.
+    - `coulomb`: Coulomb friction that is not compensated [n], N m or N.
+    - `viscous`: largest viscous coefficient [n], N m s/rad; `viscous_error`: its largest difference from the law's.
+    - `torque`: disturbance torque of any form [n]; `torque_rate`: its rate [n], inf if the rate has no bound.
+    - `resolution`: encoder resolution plus the noise's range, twice the largest error of a position [n], rad or m.
     - `start_error`, `start_speed`: |e| and |v| at the start [n].
-    - `settled`: True if the estimate has settled at rest before the start; False for a start with ŵ = 0.
+    - `settled`: True if the disturbance estimate has settled at rest before the start; False if it starts from 0.
     """
 
     coulomb: Floats
@@ -113,13 +110,14 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Bounds in each of N cells; all hold at every time of it.
+    """Bounds in each cell, which hold at every time in the cell.
 
-    - `error`, `velocity`: |e| and |v| [N n].
-    - `outputs`: all outputs of the loop per joint [N n]; `norms`: in the metric [N].
-    - `shares`: computes `terms`.
-    - `disturbance`: bound of w without its slow parts [N n]; `disturbance_norm`: in the metric [N].
-    - `verified`: True if the inequalities do not enlarge them; else they have been abandoned while they grew.
+    - `error`, `velocity`: bounds of |e| and |v| [cells n].
+    - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric [cells].
+    - `shares`: function that computes `terms`.
+    - `disturbance`: bound of w per joint [cells n], without the inertial band along the motion and without a
+      disturbance torque of bounded rate; `disturbance_norm`: the same in the metric [cells].
+    - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
 
     error: Floats
@@ -133,11 +131,11 @@ class Bounds:
 
     @cached_property
     def terms(self) -> Mapping[str, Floats]:
-        """The shares of `error` by name [N n]; their sum is at least `error`."""
+        """Shares of `error` by name, as in `TERMS`, [cells n]; their sum is at least `error`."""
         return self.shares()
 
     def times(self, factor: float) -> Bounds:
-        """Return larger bounds."""
+        """Return the bounds multiplied by a factor."""
         return replace(
             self,
             error=self.error * factor,
@@ -147,7 +145,7 @@ class Bounds:
         )
 
     def joined(self, other: Bounds) -> Bounds:
-        """Return the larger of two bounds."""
+        """Return the larger of the two bounds, value by value."""
         return replace(
             self,
             error=np.maximum(self.error, other.error),
@@ -157,7 +155,7 @@ class Bounds:
         )
 
     def within(self, other: Bounds) -> bool:
-        """True if no bound is larger than another's."""
+        """True if no value is larger than the same value of `other`."""
         return (
             bool(np.all(self.error <= other.error) and np.all(self.velocity <= other.velocity))
             and all(np.all(self.outputs[name] <= other.outputs[name]) for name in USED)
@@ -167,13 +165,13 @@ class Bounds:
 
 @lru_cache(maxsize=64)
 def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
-    """Return `spread_kernels`, computed once for all motions."""
+    """Return `spread_kernels`; cached, since motions share it."""
     return spread_kernels(loop, p, growth)
 
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return the kernels of the outputs that are used, computed once for all motions."""
+    """Return the kernels of the outputs in `USED` as arrays; cached, since motions share them."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -186,7 +184,7 @@ def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack
 
 @lru_cache(maxsize=256)
 def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
-    """Return the kernels over cells, computed once for all motions and tubes."""
+    """Return the kernels summed over `count` cells of `cell` periods; cached, since motions and tubes share them."""
     return {name: stack.over(cell, count) for name, stack in stacks_of(loop, p, growth).items()}
 
 
@@ -202,7 +200,7 @@ class Problem:
         tube: Tube,
         hand_over: HandOverCells | None = None,
     ) -> None:
-        """Compute what does not depend on the outputs."""
+        """Compute all shares that do not depend on the outputs; `at` has the suprema over the cells and the tube."""
         self.loop, self.path, self.inputs, self.at, self.tube = loop, path, inputs, at, tube
         self.hand_over = hand_over
         self.p = path.region.p
@@ -210,12 +208,12 @@ class Problem:
         # Rounded up, so that motions share their kernels.
         self.growth = growth = float(np.ceil(4.0 * np.max(at.growth)) / 4.0)
         spreads = spreads_of(loop, self.p, growth)
-        count = max(1, int(np.ceil(_memory(spreads["error"].nominal) / cells.per_cell)))
+        count = max(1, int(np.ceil(remembered(spreads["error"].nominal) / cells.per_cell)))
         self.cut = cut = (cells.per_cell, count)
         tables = tables_of(loop, self.p, growth, *cut)
         self.nominal, self.weighted = tables["nominal"], tables["weighted"]
         self.departure, self.largest = tables["departure"], tables["largest"]
-        # The change of K in the time of a lag, which is at most one period longer than its number.
+        # Bound of the change of K over a lag. An input at lag k is up to k + 1 periods old.
         self.stacks = stacks_of(loop, self.p, growth)
         kernel = self.stacks["largest"].summed[:, 0]
         ages = h * (1.0 + np.arange(len(kernel)))
@@ -223,7 +221,7 @@ class Problem:
         change = np.minimum(float(np.max(at.slide)) * ages * weight, self.p * (1.0 + weight))
         self.drift = Lags.of(kernel * change[:, None], *cut)
         self.h = h
-        # By element, a has one bound only if |M0⁻¹ E| is a contraction, here in the largest entry relative to c.
+        # The bound by element needs |M0⁻¹ E| to be a contraction, here in the largest entry relative to `conversion`.
         scale = at.conversion[:, :, None] / at.conversion[:, None]
         self.by_element = np.max(np.sum(at.band_relative / scale, axis=2), axis=1) < 1.0
         self.fixed_joints, self.fixed_norms, self.acting = self._acting()
@@ -232,7 +230,7 @@ class Problem:
         self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
     def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
-        """Shares of w that do not depend on the outputs, per joint and in the metric; and ‖ρ‖."""
+        """Return the constant shares of w by name, per joint [cells n] and in the metric [cells], and ‖ρ‖ [cells]."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         friction = inputs.coulomb + inputs.viscous_error * cells.speed
         friction = friction + inputs.viscous * (0.5 * self.h * cells.acceleration)
@@ -252,7 +250,10 @@ class Problem:
         return joints, norms, size_in(mean, at.inertia)
 
     def _constant(self) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, tuple[Floats, Floats]]]:
-        """Shares of the outputs by the band along the motion, encoders, pulses and the start."""
+        """Return the constant shares of the outputs by name, for the small gain and for the modes.
+
+        Each share is a pair: per joint [cells n outputs], and in the metric [cells 1 outputs].
+        """
         at, inputs, cells = self.at, self.inputs, self.path.cells
         shape = cells.speed.shape
         conversion = at.conversion[..., None]
@@ -263,7 +264,7 @@ class Problem:
             begun[0], begun_norm[0] = at.band_joints[0], at.band[0]
         jump = self.p * size_in(cells.jump, at.inertia)
         begun, begun_norm = begun + at.conversion * jump[:, None], begun_norm + jump[:, None]
-        # The filter begins with the first measurement.
+        # The filter's first position is the first measurement.
         starts = np.zeros((3, *shape))
         starts[0, 0], starts[1, 0] = inputs.start_error, inputs.start_speed
         if not inputs.settled:
@@ -285,12 +286,12 @@ class Problem:
         self.pushed, self.pushed_norm = pushed, pushed_norm
 
         def slow_share(table: LagTable, slow: Floats, rate: Floats, step: Floats) -> Floats:
-            """Response to a w of bounded size and rate, by the better of the two."""
+            """Response to a w of bounded size and rate: the smaller of the bounds by size and by rate."""
             moving = table.ramp.past(rate) + slow[..., None] * table.beyond + table.step.since(step)
             return np.minimum(table.any_form.past(slow), moving)
 
         def shares(table: LagTable, joints: bool) -> dict[str, Floats]:
-            """By name [N k outputs]; k = n for joints, 1 for the metric."""
+            """Shares by name [cells k outputs]: k = n for joints, 1 for the metric."""
             size = (lambda x: x) if joints else (lambda x: size_in(x, at.inertia)[:, None])
             slow = at.band_joints if joints else at.band[:, None]
             rate = (at.conversion if joints else np.ones((shape[0], 1))) * at.band_rate[:, None]
@@ -314,7 +315,7 @@ class Problem:
         return small_gain, modes
 
     def round(self, last: Bounds | None) -> Bounds:
-        """Return the bounds that follow from bounds of the outputs before."""
+        """Evaluate the inequalities once: return the bounds that follow from the `last` ones, or from 0 if None."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         conversion = at.conversion
         joints, norms = dict(self.fixed_joints), dict(self.fixed_norms)
@@ -364,7 +365,7 @@ class Problem:
         least_norms = np.minimum(least_norms, np.sqrt(np.sum(least * (at.inertia @ least), axis=1)))
         outputs = {name: least[..., i] for i, name in enumerate(USED)}
         sizes = {name: least_norms[:, i] for i, name in enumerate(USED)}
-        # The odd part of w within a period: its own size, and that of its integral.
+        # w has a part that is odd about the middle of a period: add its size, or the size of its integrals.
         odd = at.conversion * at.odd[:, None]
         for name, share in {
             "acceleration": 0.5 * self.h,
@@ -373,7 +374,7 @@ class Problem:
         }.items():
             outputs[name] = outputs[name] + share * odd
             sizes[name] = sizes[name] + share * at.odd
-        # Between two samples e departs from its chord by h²/8 |ë|, and v from its own by h/2 |w|.
+        # Between two samples e departs from its chord by at most h²/8 |ë|, and v from its chord by at most h/2 |w|.
         mean = 0.5 * self.h * cells.jerk + cells.jump
         within = self.h**2 / 8.0 * (outputs["acceleration"] + mean)
         error = _or_next(outputs["error"]) + within
@@ -387,20 +388,24 @@ class Problem:
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
     def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
-        """Bound of |M0⁻¹ E ë| per joint [N n]: in the metric, or by element.
+        """Return a bound of |M0⁻¹ E ë| per joint [cells n]: the smaller of those in the metric and by element.
 
-        - `acceleration`: of |a| per joint [N n]. `band`: of ‖M0⁻¹ E ë‖ [N].
+        - `acceleration`: bound of |ë - ρ| per joint [cells n].
+        - `band`: bound of ‖M0⁻¹ E ë‖ [cells].
         """
         in_metric = self.at.conversion * band[:, None]
         each = np.einsum("nij,nj->ni", self.at.band_relative, acceleration + self.unplanned)
         return np.where(self.by_element[:, None], np.minimum(in_metric, each), in_metric)
 
     def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
-        """Departure of the outputs from the nominal loop by the modes of K [N n outputs], and all in the metric."""
-        # ρ acts on M: by the band it is a further w of at most p ‖ρ‖.
+        """Return bounds by the modes of K, without the constant shares.
+
+        One is of the departure from the nominal loop [cells n outputs], the other of ‖outputs‖ [cells 1 outputs].
+        """
+        # The inertial band counts E q̈_d in place of E (q̈_d + ρ): E ρ is a further w of at most p ‖ρ‖.
         total = (total_norm + self.p * self.acting)[:, None]
         drift = self.drift.past(acceleration[:, None])
-        # A velocity or position within the period that K has moved.
+        # Effect of K on velocity and position within the same period.
         direct = (
             self.p
             * acceleration[:, None, None]
@@ -412,11 +417,13 @@ class Problem:
     def _terms(
         self, joints: Mapping[str, Floats], band: Floats, within: Floats, by_gain: bool, goal: Floats | None
     ) -> dict[str, Floats]:
-        """The shares of the error.
+        """Return the shares of the error by name [cells n].
 
-        - `joints`: joints of w per joint, by name. `within`: between two samples.
-        - `band`: the disturbance by the band's feedback for the small gain, or its share of the error for the modes.
-        - `goal`: its share of the error; None for a linear law.
+        - `joints`: shares of w by name [cells n].
+        - `band`: with `by_gain`, the disturbance by the band's feedback; else the share of the error by the modes.
+        - `within`: largest departure of the error from its chord between two samples [cells n].
+        - `by_gain`: True for the bounds by the small gain, False for those by the modes.
+        - `goal`: the goal's share of the error [cells n]; None for a linear law.
         """
         kernel = self.nominal.any_form.output(USED.index("error"))
         shares = {name: kernel.past(value)[..., 0] for name, value in joints.items()}
@@ -430,7 +437,10 @@ class Problem:
         return terms
 
     def approach(self, cap: float) -> Bounds | None:
-        """Return bounds near the least ones that may satisfy the inequalities; None if none is below `cap`."""
+        """Iterate from 0 until the error bound changes by less than `NEAR`, and return the unverified bounds.
+
+        None if the error bound exceeds `cap` (rad or m), or still grows after `ROUNDS`.
+        """
         bounds = self.round(None)
         for _ in range(ROUNDS):
             following = self.round(bounds)
@@ -443,7 +453,12 @@ class Problem:
         return None
 
     def solve(self, start: Bounds | None, cap: float) -> Bounds:
-        """Return bounds that satisfy the inequalities, or unverified ones if none is below `cap`, in rad or m."""
+        """Iterate to bounds that satisfy the inequalities.
+
+        If there are none below `cap` (rad or m), the bounds returned are unverified.
+
+        - `start`: bounds to start from; None for 0.
+        """
         bounds = self.round(start)
         last_change, last_step = 0.0, np.inf
         for k in range(ROUNDS):
@@ -458,14 +473,14 @@ class Problem:
             change = max(float(np.max(changes)) - 1.0, 0.0)
             bounds = following
             if change < SETTLED:
-                # A geometric series with the ratio of the last two changes, and some more.
+                # Extrapolate by a geometric series with the ratio of the last two changes, with a margin.
                 ratio = min(change / last_change, 0.98) if last_change > 0.0 else 0.5
                 grown = bounds.times(1.0 + 1e-6 + 1.5 * change / (1.0 - ratio))
                 for _ in range(WIDENINGS):
                     following = self.round(grown)
                     if following.within(grown):
                         return replace(following, verified=True)
-                    # Some bounds grow more than in proportion, such as those that a goal dominates.
+                    # Some bounds grow by more than the factor, such as those that a goal dominates.
                     grown = grown.joined(following.times(1.0 + 1e-6))
             last_change = change
         return bounds
@@ -476,16 +491,10 @@ def _total(shares: Mapping[str, tuple[Floats, Floats]], which: int) -> Floats:
 
 
 def _or_next(values: Floats) -> Floats:
-    """The larger of a cell's value and the next one's, with which its last period ends."""
+    """Return the larger of a cell's value and the next cell's: its last period ends where the next cell begins."""
     return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
 
 
 def memory(loop: JointLoop) -> float:
-    """Return the time after which less than a small share of the error's kernel is left [s]."""
-    return _memory(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period
-
-
-def _memory(kernel: LoopKernel) -> int:
-    """Periods after which less than a small share of a kernel is left."""
-    left = np.cumsum(kernel.any_form[::-1])[::-1]
-    return int(np.count_nonzero(left > MEMORY * left[0])) + 1
+    """Return the time after which a negligible share of the error's kernel is left, as in `remembered` [s]."""
+    return remembered(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period

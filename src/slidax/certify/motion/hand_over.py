@@ -1,11 +1,13 @@
 """Sliding-mode laws in sampled-data form near the reference: the nonlinear part of their plan.
 
 With the led error `y = ê_p + c v̂_p` and s⁺ = 0 a plan over the horizon H aims at `A ψ(ε)`, where ε solves
-`N ψ(ε) + H φ(ε) = y` (docs/sampled-data.md). So the law is the linear loop of a `JointLoop` with the goal
+`N ψ(ε) + H φ(ε) = y`. N and A are the envelope's scale now and at the end of the plan (docs/sampled-data.md). So the
+law is the linear loop of a `JointLoop` with the goal
 
     g = (A ψ(ε) - θ0 y)/H²,
 
-which the law knows itself. |g| grows with |y|. θ0 is `linear_share`: 0 in an envelope, where `N = A = 1` otherwise.
+an acceleration that the law's own prediction contains. |g| grows with |y|. θ0 is `linear_share`, which is 0 with an
+envelope. Without an envelope `N = A = 1`. The share of an error bound that is due to g is its term `hand-over`.
 """
 
 from __future__ import annotations
@@ -32,10 +34,10 @@ from .path_cells import PathCells
 Floats = NDArray[np.float64]
 
 LEAST, LARGEST, PLACES = 1e-9, 1e4, 2**15
-"""Transformed errors of the table of ψ and φ; neighbours differ by 0.1 %."""
+"""Least and largest transformed error in the tables of ψ and φ, and their length; neighbours differ by 0.1 %."""
 
 SETTLED = 1e-9
-"""Relative distance of an envelope from its final width at which it counts as settled."""
+"""Relative distance from its final width at which an envelope counts as settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class HandOver:
         layer = getattr(step.reaching, "layer", 0.0) if isinstance(step, SlidingStep) else 0.0
         if np.any(np.asarray(layer)):
             raise DefinitionError(
-                "a bound along a motion needs a reaching law without a boundary layer, with which s is exactly 0; got "
+                "a bound along a motion needs a reaching law without boundary layer, so that s is exactly 0; got layer "
                 f"{np.max(np.asarray(layer)):g}: set the scheme's `layer` to 0"
             )
         eps = np.concatenate([[0.0], np.geomspace(LEAST, LARGEST, places - 1)])
@@ -85,7 +87,7 @@ class HandOver:
         return cls(step, float(law.period), horizon, linear_share(step, horizon), both, phi)
 
     def along(self, cells: PathCells) -> HandOverCells:
-        """Return the plan in each cell of a motion that starts with the law."""
+        """Return the plan in each cell of a motion; the law starts at time 0."""
         n, count = len(self.phi), len(cells.q)
         transformation = self.step.transformation
         if not isinstance(transformation, PrescribedPerformance):
@@ -103,7 +105,7 @@ class HandOver:
         return HandOverCells(self, least, most, room, np.abs(now[0] - ahead[0]) / (self.horizon * now[0]))
 
     def _settled_frames(self, transformation: PrescribedPerformance, count: int) -> tuple[Floats, Floats, Floats]:
-        """N, A and ρ at each sample, of which there are at least `count`, until the envelope is settled [times n]."""
+        """Return N, A and ρ at each sample until the envelope is settled, at least `count` samples, each [times n]."""
         n = len(self.phi)
         times = np.asarray(self.period * np.arange(count), float)
         final = _frames(transformation, self.horizon, self.period, np.array([FAR], float), n)[2]
@@ -114,7 +116,7 @@ class HandOver:
             times = np.asarray(self.period * np.arange(2 * len(times)), float)
 
     def frames(self, n: int) -> tuple[Floats, Floats, Floats]:
-        """Return N, A and ϑ ρ at each sample until the envelope is settled [times n]; after that they stay."""
+        """Return N, A and ϑ ρ at each sample until the envelope is settled, each [times n]; then they are constant."""
         transformation = self.step.transformation
         if not isinstance(transformation, PrescribedPerformance):
             return np.ones((1, n)), np.ones((1, n)), np.full((1, n), np.inf)
@@ -123,16 +125,18 @@ class HandOver:
 
     @property
     def covered(self) -> float:
-        """The least u, for an arm at rest at position 0 under no torque [N m]; inf for a law without one."""
+        """Least value of the robust torque u [N m]: at position 0, at rest, without torque; inf for a law without u."""
         if not isinstance(self.step, SlidingStep):
             return np.inf
         nothing = jnp.zeros(self.step.robot.joints)
         return float(self.step.bound(State(q=nothing, dq=nothing), nothing))
 
     def needed(self, torque: Floats, sliding: Floats) -> float:
-        """Return the part of what s⁺ = 0 allows that the sliding variable needs; below 1 s⁺ is exactly 0.
+        """Return the largest share of the reaching torque, or of the integral gain, that is needed to hold s⁺ at 0.
 
-        - `torque`: bounds of |M0 s|/H [N n], N m or N. `sliding`: of |s| [N n], rad/s or m/s.
+        If the share is below 1, s⁺ is exactly 0.
+
+        - `torque`: bounds of |M0 s|/H [cells n], N m or N. `sliding`: bounds of |s| [cells n], rad/s or m/s.
         """
         if not isinstance(self.step, SlidingStep):
             # With s⁺ = 0 the integral v is at most |s|/H.
@@ -146,7 +150,7 @@ class HandOver:
     def first_sliding(self, led: Floats, velocity: Floats, along: HandOverCells) -> Floats:
         """Return a bound of |s| at the first sample [n], where s is measured: `|v̂| + |N - A|/(H N) |y| + φ(ε)`.
 
-        - `led`, `velocity`: bounds of |y| and |v̂| there [n]. `along`: of the motion.
+        - `led`, `velocity`: bounds of |y| and |v̂| at the first sample [n]. `along`: the plan in each cell.
         """
         shares = led / along.now[0]
         places = np.array([np.searchsorted(row, y) for row, y in zip(self.psi.min(axis=0), shares, strict=True)])
@@ -161,10 +165,10 @@ FAR = 1e4
 
 @dataclass(frozen=True, eq=False)
 class HandOverCells:
-    """The plan in each cell.
+    """The plan in each cell of a motion.
 
-    - `now`, `ahead`: the least N and the largest A [N n], rad or m.
-    - `room`: the least ϑ ρ [N n]; inf without an envelope.
+    - `now`, `ahead`: the least N and the largest A in each cell [cells n], rad or m.
+    - `room`: the least ϑ ρ [cells n]; inf without an envelope.
     - `drift`: |N - A|/(H N) at the first sample [n], 1/s.
     """
 
@@ -175,9 +179,9 @@ class HandOverCells:
     drift: Floats
 
     def goal(self, led: Floats) -> Floats:
-        """Return a bound of |g| in each cell [N n], rad/s² or m/s², for a bound of |y| [N n].
+        """Return a bound of |g| in each cell [cells n], rad/s² or m/s², for a bound of |y| [cells n].
 
-        Between two places of the table ε counts as the upper one; interpolation in y keeps the bound continuous.
+        Between two entries of the table, the upper ε is used. Interpolation in y keeps the bound continuous.
         """
         plan, joints = self.plan, np.arange(led.shape[1])
         if plan.share:
@@ -202,7 +206,7 @@ class HandOverCells:
 
     @property
     def apart(self) -> list[tuple[Floats, Floats]]:
-        """For each joint places y, and the largest |ψ(ε) - θ0 y|/H² up to the next one; the plan has no envelope."""
+        """For each joint, values y and the largest |ψ(ε) - θ0 y|/H² up to the next y. For a plan without envelope."""
         plan, rows = self.plan, []
         for psi_row, phi_row in zip(plan.psi[0], plan.phi, strict=True):
             y = psi_row + plan.horizon * phi_row
@@ -215,7 +219,7 @@ class HandOverCells:
 def _frames(
     transformation: PrescribedPerformance, horizon: float, period: float, times: Floats, joints: int
 ) -> tuple[Floats, Floats, Floats]:
-    """N, A and ρ at times at which torques set in [times n]."""
+    """Return N, A and ρ at times at which torques start to act, each [times n]."""
     sides = Sides(-jnp.ones(joints), jnp.ones(joints))
 
     padding = -len(times) % BATCH
@@ -235,4 +239,4 @@ def _framed(transformation: Any, sides: Sides, lead: Any, horizon: Any, times: A
 
 
 BATCH = 2048
-"""The envelope is computed at a multiple of this number of times, so that few programs are compiled."""
+"""The number of times is rounded up to a multiple of this, so that JAX compiles few programs."""

@@ -5,14 +5,14 @@ The loop of docs/any-motion.md: a double integrator `ë = s + w + ρ` under a co
     r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
     s = -kp ê_p - kd v̂_p + g - ŵ                                        (decided D periods before it acts)
 
-where `ê_p, v̂_p` is the estimate, moved over the delay with `s + ŵ`, and g the goal: an acceleration that the law itself
-adds, so that its prediction contains it. A sliding variable remembers how v̂_p departs from the plan, with the rate
-`h/H` of the law (docs/sampled-data.md):
+where `ê_p, v̂_p` is the estimate, predicted over the delay with `s + ŵ`. g is the goal: an acceleration that the law
+itself adds, so that its prediction contains g. The sliding variable σ accumulates the deviation of v̂_p from its
+planned value, and forgets with the rate `h/H` of the law (docs/sampled-data.md):
 
     σ⁺ = (1 - h/H) σ + v̂_p⁺ - (v̂_p + h (s + ŵ))
 
-The state at the start of a period is `(e, v, ê⁻, v̂⁻, ŵ⁻, σ⁻, planned v̂_p)` and `(ê_p, v̂_p, ŵ, g)` of each pending
-command. In the maps the unit of time is the period.
+The state at the start of a period is `(e, v, ê⁻, v̂⁻, ŵ⁻, σ⁻, planned v̂_p)`, followed by `(ê_p, v̂_p, ŵ, g)` of each
+command that is decided but does not act yet. In the maps the unit of time is the period.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ OUTPUTS: dict[str, int] = {
     "led": 0,
     "sliding": 1,
 }
-"""Outputs with their order in time: 0 for rad, 1 for rad/s, 2 for rad/s².
+"""Outputs of the loop, with the order of their time derivative: 0 for rad, 1 for rad/s, 2 for rad/s².
 
-- `error`, `velocity`: e and v when a period starts. `command`: s. `acceleration`: `s + w`, at any time.
-- `command_step`, `model_position_step`, `model_velocity_step`: the value less that of the period before.
-- `position_miss`, `velocity_miss`: q and q̇ less those at which the model is evaluated, at any time of the period, but
-  for what is odd about its middle.
-- `model_position`, `model_velocity`: those at which the model is evaluated, relative to the reference.
+- `error`, `velocity`: e and v when a period starts. `command`: s. `acceleration`: `κ (s + w)`, at any time.
+- `command_step`, `model_position_step`, `model_velocity_step`: changes of the value from the period before.
+- `model_position`, `model_velocity`: position and velocity at which the model is evaluated, less the reference.
+- `position_miss`, `velocity_miss`: q and q̇ less the position and velocity at which the model is evaluated, at any time
+  of the period. The part that is odd about the middle of the period is left out.
 - `estimate`: ŵ. `innovation`: r. `led`: `ê_p + c v̂_p`, `c = H - h/2`. `sliding`: σ.
 """
 
@@ -69,8 +69,8 @@ class JointLoop:
 
     - `period`: h [s]; `kp` [1/s²] and `kd` [1/s]: of the computed torque.
     - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
-    - `delay`: age of a measurement when its torque sets in, whole periods.
-    - `lead`: c of the led error [s]; 0 for a law without one.
+    - `delay`: D, from a measurement to the start of its torque, whole periods.
+    - `lead`: c of the led error `ê_p + c v̂_p` [s]; 0 for a law that does not use the led error.
 
     Raises DefinitionError if a value is out of its range or the loop is unstable.
     """
@@ -98,9 +98,9 @@ class JointLoop:
 
     @classmethod
     def of(cls, law: SampledData) -> JointLoop:
-        """Return the loop of a law in sampled-data form, as long as no limit acts and its gate accepts each sample.
+        """Return the loop of a law in sampled-data form. It holds while no limit acts and the gate accepts each sample.
 
-        Raises DefinitionError for a law that this loop does not describe, with the setting of a scenario that mends it.
+        Raises DefinitionError for a law that this loop does not describe; the message names the setting to change.
         """
         if not isinstance(law.estimator, Kalman):
             raise DefinitionError(
@@ -119,13 +119,13 @@ class JointLoop:
             ),
             (
                 float(law.believed_delay).is_integer(),
-                f"the delay is {law.believed_delay:g} periods, not a whole number",
+                f"the measurement delay is {law.believed_delay:g} periods, not a whole number",
                 "set `sensor.delay` to a whole number",
             ),
             (
                 law.dead_time == 0,
                 f"the dead time is {law.dead_time:g} periods",
-                "set `actuator.dead_time: 0`, add it to `sensor.delay`, and read the motion when the torque sets in",
+                "set `actuator.dead_time: 0`, add it to `sensor.delay`, and evaluate the motion when the torque acts",
             ),
         ):
             if not covered:
@@ -170,9 +170,9 @@ class JointLoop:
         return self.maps_for(1.0)
 
     def maps_for(self, ratio: float) -> PeriodMaps:
-        """One period of the loop of a joint with `ë = κ (s + w)` as linear maps.
+        """Return one period of the loop as linear maps, for a joint with `ë = κ (s + w)`.
 
-        - `ratio`: κ, nominal over true inertia.
+        - `ratio`: κ, the nominal inertia over the true inertia.
         """
         size = OWN + PENDING * self.delay
         columns = [self._next(ratio, *parts) for parts in _unit_inputs(size)]
@@ -190,7 +190,10 @@ class JointLoop:
     def _next(
         self, ratio: float, x: Floats, noise: float, pulse: float, velocity: float, goal: float
     ) -> tuple[Floats, Floats]:
-        """State after a period, and the outputs in it, in periods as the unit of time."""
+        """Return the state after a period and the outputs in the period, with the period as the unit of time.
+
+        - `x`: state at the start. `noise`: n. `pulse`, `velocity`: changes of e and v by w in the period. `goal`: g.
+        """
         h = self.period
         first, second, third = self.gains[0], self.gains[1] * h, self.gains[2] * h * h
         kp, kd = self.kp * h * h, self.kd * h
@@ -240,11 +243,11 @@ class JointLoop:
 
 
 ESTIMATOR = "{kind: kalman, acceleration_density: 1.0}"
-"""An estimator in a scenario file with the same gains for all joints."""
+"""Setting of a scenario file for an estimator with the same gains in all joints."""
 
 
 OWN, PENDING = 7, 4
-"""Entries of the state without a pending command, and further ones for each."""
+"""Entries of the state without pending commands, and further entries for each pending command."""
 
 
 def _feedback(law: SampledData) -> tuple[float, float, float]:
@@ -271,9 +274,10 @@ def _feedback(law: SampledData) -> tuple[float, float, float]:
 
 
 def linear_share(step: AbstractSurfaceStep, horizon: float) -> float:
-    """Return θ0: the part of the led error at which a plan without an envelope aims, near zero; 0 with an envelope.
+    """Return θ0 of the plan near zero error; 0 for a law with an envelope.
 
-    `ψ(ε) = θ y` with `θ = 1/(1 + H φ'(0))`, the mean of all joints; H is `horizon` [s].
+    A plan without an envelope aims at the share θ0 of the led error y: `ψ(ε) = θ0 y` with `θ0 = 1/(1 + H φ'(0))`, the
+    mean over the joints. H is `horizon` [s].
     """
     if not isinstance(step.transformation, Unconstrained):
         return 0.0
@@ -282,9 +286,11 @@ def linear_share(step: AbstractSurfaceStep, horizon: float) -> float:
 
 
 def equal_gain(name: str, values: object, remedy: str) -> float:
-    """Return the value of a gain, which all joints share.
+    """Return the value of a gain that is the same in all joints.
 
-    Raises DefinitionError if they do not, with the `name` of the gain and a `remedy`.
+    - `name`, `remedy`: the gain's name and the setting to change, for the message.
+
+    Raises DefinitionError if the values differ.
     """
     each = np.asarray(values, float).reshape(-1)
     if np.ptp(each) > 0.0:
@@ -294,9 +300,10 @@ def equal_gain(name: str, values: object, remedy: str) -> float:
 
 @dataclass(frozen=True)
 class PeriodMaps:
-    """`x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g`, `y = outputs x + direct n + goal_direct g`.
+    """One period of the loop as linear maps of the state x, measurement error n, disturbance w and goal g.
 
-    y is in the order of `OUTPUTS`; g is that of the command that is decided in the period.
+    `x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g`, `y = outputs x + direct n + goal_direct g`. The outputs y are in
+    the order of `OUTPUTS`. g belongs to the command that is decided in the period.
     """
 
     step: Floats

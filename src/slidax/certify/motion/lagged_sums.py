@@ -11,16 +11,23 @@ from .loop_kernels import LoopKernel
 
 Floats = NDArray[np.float64]
 
+NEGLIGIBLE = 2e-4
+"""Share of a kernel that is old enough to be charged to the largest value of the whole motion."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lags:
-    """Weights of past cells for several outputs at once, [J + 1 outputs]; the last row is for the largest value."""
+    """Weights of past cells for several outputs, [J + 1 outputs].
+
+    Row j < J weighs the value of j cells ago. The last row weighs the largest value of the whole motion, in place of
+    all cells further back.
+    """
 
     weights: Floats
 
     @classmethod
     def of(cls, kernel: Floats, cell: int, count: int) -> Lags:
-        """Sum a kernel [L outputs] over cells; what is further back than `count` cells goes to the last row."""
+        """Sum a kernel [L outputs] over cells of `cell` periods; lags beyond `count` cells go to the last row."""
         return cls(_summed(kernel, cell, count))
 
     def output(self, which: int) -> Lags:
@@ -28,11 +35,11 @@ class Lags:
         return Lags(self.weights[:, which : which + 1])
 
     def past(self, values: Floats) -> Floats:
-        """Return `Σ_j weights_j values_{m-j}` for each cell m, [N k outputs], for values in cells [N k].
+        """Return `Σ_j weights_j values_{m-j}` for each cell m, [cells k outputs], from values [cells k].
 
-        An instant that is between j and j+1 cells' lengths before one in cell m lies in cell m-j or in the one before,
-        so the larger of the two counts. Before the first cell its value stands. The last cell stands for all times
-        after it: its value covers any order of the values in its own past.
+        Take an instant in cell m, and another one between j and j+1 cell lengths before. The other one lies in cell m-j
+        or m-j-1, so that the larger value counts. Before the first cell, the first cell's value stands. The last cell
+        stands for all later times: its sum covers any order of the values in its past.
         """
         both = np.maximum(values, np.concatenate([values[:1], values[:-1]]))
         sums = self._sums(both, values[:1], values.max(axis=0))
@@ -42,9 +49,11 @@ class Lags:
         return sums
 
     def past_change(self, rates: Floats, sizes: Floats) -> Floats:
-        """Return `Σ_j weights_j sizes_{m-j} rates` [N k] for one output, with the largest rate from then to now.
+        """Return `Σ_j weights_j sizes_{m-j} rate_j` for each cell m, [cells k], for one output.
 
-        - `rates`: [N k]; `sizes`: [N]. Both are taken as in `past`.
+        rate_j is the largest rate from cell m-j to cell m. Between cells, values are taken as in `past`.
+
+        - `rates`: [cells k]; `sizes`: [cells].
         """
         weights, count = self.weights[:, 0], len(self.weights) - 1
         older = np.maximum(np.arange(len(sizes))[:, None] - np.arange(count + 1), 0)
@@ -57,14 +66,14 @@ class Lags:
         return np.asarray(sums + weights[count] * sizes.max() * rates.max(axis=0))
 
     def since(self, sizes: Floats) -> Floats:
-        """Return the same for steps, of which there is none before the first cell."""
+        """Return `Σ_j weights_j sizes_{m-j}` [cells k outputs] for steps; there are none before the first cell."""
         return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
 
     def _sums(self, values: Floats, before: Floats, rest: Floats) -> Floats:
         if not np.any(values):
             return np.zeros((*values.shape, self.weights.shape[1]))
         count = len(self.weights) - 1
-        # Columns first, so that each window is a stretch of memory.
+        # Columns first, so that each window is contiguous in memory.
         padded = np.concatenate([np.repeat(before.T, count, axis=1), values.T], axis=1)
         columns, step = padded.strides
         windows = np.lib.stride_tricks.as_strided(padded[:, 1:], (*values.T.shape, count), (columns, step, step))
@@ -75,7 +84,7 @@ class Lags:
 
 @dataclass(frozen=True, eq=False)
 class LagTable:
-    """Kernels of all outputs that the inequalities need, over cells."""
+    """The kernels of `LoopKernel` over cells, for all outputs that the inequalities need."""
 
     any_form: Lags
     ramp: Lags
@@ -95,7 +104,11 @@ STEPS = ("step", "start_error", "start_speed", "start_miss")
 
 @dataclass(frozen=True, eq=False)
 class KernelStack:
-    """Kernels of several outputs as arrays [L kinds outputs]: those of `SUMMED`, and those of `STEPS`."""
+    """Kernels of several outputs as arrays [L kinds outputs].
+
+    - `summed`: the kinds in `SUMMED`, which are summed over a cell. `steps`: the kinds in `STEPS`, whose largest value
+      in a cell counts. `beyond`: as in `LoopKernel` [outputs].
+    """
 
     summed: Floats
     steps: Floats
@@ -111,7 +124,7 @@ class KernelStack:
         return cls(summed, steps, np.array([kernel.beyond for kernel in kernels]))
 
     def over(self, cell: int, count: int) -> LagTable:
-        """Return the kernels over cells."""
+        """Return the kernels over cells of `cell` periods, with lags beyond `count` cells in the last row."""
         summed, steps = _summed(self.summed, cell, count), _largest(self.steps, cell, count)
         lags = {kind: Lags(np.ascontiguousarray(summed[:, i])) for i, kind in enumerate(SUMMED)}
         lags |= {kind: Lags(np.ascontiguousarray(steps[:, i])) for i, kind in enumerate(STEPS)}
@@ -119,7 +132,7 @@ class KernelStack:
 
 
 def _summed(values: Floats, cell: int, count: int) -> Floats:
-    """Sums over cells of the first axis; the last row is for all that is further back than `count` cells."""
+    """Return sums of the first axis over cells; the last row is for all lags beyond `count` cells."""
     sums = np.add.reduceat(values, np.arange(0, len(values), cell), axis=0)
     head = np.zeros((count + 1, *values.shape[1:]))
     head[: min(count, len(sums))] = sums[:count]
@@ -128,10 +141,16 @@ def _summed(values: Floats, cell: int, count: int) -> Floats:
 
 
 def _largest(values: Floats, cell: int, count: int) -> Floats:
-    """The largest responses to a step or a start in a cell, for each later one."""
+    """Return bounds of the response to a step or an initial state, by the number of cells since it."""
     values = np.maximum.reduceat(values, np.arange(0, len(values), cell), axis=0)
     head = np.repeat(values[None, min(count, len(values) - 1) :].max(axis=1), count + 1, axis=0)
     head[: min(count, len(values))] = values[:count]
-    # A step late in its cell is less than j cells ago; and what is to come counts now.
+    # A step late in its cell is less than j cells old. Each bound also covers all later responses.
     head = np.maximum(head, np.concatenate([head[:1], head[:-1]]))
     return np.asarray(np.maximum.accumulate(head[::-1])[::-1])
+
+
+def remembered(kernel: LoopKernel) -> int:
+    """Return the number of periods after which less than the share `NEGLIGIBLE` of a kernel is left."""
+    left = np.cumsum(kernel.any_form[::-1])[::-1]
+    return int(np.count_nonzero(left > NEGLIGIBLE * left[0])) + 1

@@ -1,4 +1,4 @@
-"""Conditions under which a certified law is its linear loop: gate, bounds on estimates, s⁺ = 0, and the envelope."""
+"""Conditions under which a certified law equals its linear loop: gate, limits on estimates, s⁺ = 0, and envelope."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .tracking_bound import CertifiedPath
 
 
 def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
-    """Return the assumptions that the gate accepts each sample, and that no bound of the law's estimates acts.
+    """Return the assumptions that the gate accepts each sample, and that no limit on the law's estimates acts.
 
-    Of the conditions of `MeasurementGate`, those without velocities: a position may be out of range, too far from the
-    last one, or the same as the two before while the law predicts a way, which is at most the innovation.
+    The gate (`MeasurementGate`) may reject a position for three reasons: it is out of range; it is too far from the
+    last one; or it equals the two before while the law predicts a travel, which is at most the innovation.
     """
     gate, h, n = law.gate, law.loop.period, law.arm.joints
     q_max, speed, acceleration, spread = (
@@ -36,13 +36,13 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
         (h * fastest + noise) / (2.0 * h * speed + spread),
         bounds.outputs["innovation"].max(axis=0) / (2.0 * spread + acceleration * h**2),
     )
-    # With u, it is u that bounds the torque which makes up for the estimate: `plan_lines`.
+    # With a robust torque u, `plan_lines` checks the torque that compensates the estimate.
     unlimited = law.hand_over is not None and np.isfinite(law.hand_over.covered)
     law_shares = np.zeros(n) if unlimited else lumped / law.torque, known / speed, estimate.max(axis=0) / STRONGEST
     lines = []
     for text, shares in (
         ("the measurement gate rejects no sample of the arm itself", gate_shares),
-        ("no bound of the law on its estimates acts", law_shares),
+        ("no limit of the law on its estimates acts", law_shares),
     ):
         largest = float(np.max(shares))
         lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
@@ -52,7 +52,7 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
 def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     """Return the assumptions about a law with a sliding surface: s⁺ = 0, u, and the envelope; none for another law.
 
-    A value below 1 is the part of what is allowed that may be needed.
+    The value of each is the largest needed share of the allowed value, so that it is proved below 1.
     """
     plan, along = law.hand_over, certified.solution.problem.hand_over
     if plan is None or along is None:
@@ -65,11 +65,11 @@ def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
             sum(torques.commanded("estimate").values()),
         )
         size = float(np.max(np.linalg.norm(estimate, axis=1)))
-        text = f"the estimated disturbance is at most {size:.3g} N m, of the robust torque u of {plan.covered:.3g} N m"
+        text = f"the estimated disturbance is at most {size:.3g} N m, and the robust torque u is {plan.covered:.3g} N m"
         lines.append(Assumption(text, "proved" if size < plan.covered else "fails", size / max(plan.covered, 1e-300)))
     if np.all(np.isfinite(along.room)):
         outputs, h = certified.bounds.outputs, law.loop.period
-        # The predicted position where a torque sets in, by that in the middle of its period.
+        # The predicted error at the start of a torque's period, from the values in the middle of that period.
         predicted = outputs["model_position"] + 0.5 * h * outputs["model_velocity"]
         predicted = predicted + 0.375 * h * h * (outputs["command"] + outputs["estimate"])
         share = np.maximum(certified.bounds.error, predicted) / along.room
@@ -83,9 +83,10 @@ def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
 
 
 def _reached(plan: HandOver, certified: CertifiedPath) -> Assumption:
-    """The assumption that s⁺ is 0 at every sample: then s is the output `sliding`, but for that of the first sample.
+    """Return the assumption that s⁺ is 0 at every sample.
 
-    There s is measured; in `sliding` it is the first estimate of v. The difference fades by `1 - h/H` in each period.
+    Then s is the output `sliding`, except at the first sample. There s is measured, while `sliding` is the first
+    estimate of v. The difference decays by the factor `1 - h/H` in each period.
     """
     problem, bounds, inputs, loop = certified.solution.problem, certified.bounds, certified.inputs, certified.loop
     assert problem.hand_over is not None
@@ -100,5 +101,5 @@ def _reached(plan: HandOver, certified: CertifiedPath) -> Assumption:
     )
     torque = later + np.einsum("nij,nj->ni", inertia, begun)
     needed = plan.needed(torque / plan.horizon, bounds.outputs["sliding"] + begun)
-    text = f"the sliding variable is held at 0: it needs {100 * needed:.0f} % of the torque or gain that reaches it"
+    text = f"the sliding variable stays at 0: this needs {100 * needed:.0f} % of the reaching torque or integral gain"
     return Assumption(text, "proved" if needed < 1.0 else "fails", needed)

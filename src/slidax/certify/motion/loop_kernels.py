@@ -1,4 +1,4 @@
-"""Worst-case kernels of one joint's linear loop: the largest response to inputs of which only the size is known.
+"""Worst-case kernels of one joint's linear loop: the largest response, per lag, to inputs of known size only.
 
 Inside this module the unit of time is the period.
 """
@@ -22,27 +22,30 @@ DIRECT: dict[str, tuple[float, float]] = {
     "velocity_miss": (0.5, 0.5),
     "position_miss": (0.125, 0.375),
 }
-"""Direct effect of w in the same period: share of a constant w, and the further share by the time in the period."""
+"""Effect of w of size 1 in the same period: that of a constant w, and the largest further effect in the period."""
 
 SMALLEST = 1e-9
-"""Truncation: kernels end once a state has decayed to this part of its size; the rest is bounded, not dropped."""
+"""Kernels are truncated once a state has decayed to this fraction. The rest is bounded, and counts in the last lag."""
 
 LONGEST = 2**15
-"""Periods; a loop that takes longer to settle is refused."""
+"""Largest length of a kernel [periods]; a loop that takes longer to settle is refused."""
 
 
 @dataclass(frozen=True)
 class LoopKernel:
-    """Bounds of one output per lag in periods, in SI units; each [L], or [L outputs] for several outputs.
+    """Largest size of an output at each lag, in SI units; each [L lags], or [L outputs] for several outputs.
 
-    - `any_form`: for an acceleration w of size 1, of any form within and between periods.
-    - `ramp`: for a continuous w whose rate has the size 1; with it goes `beyond` times the size of w itself.
-    - `step`: for a w that is 1 from some time on.
-    - `pulse`: for a position pulse of size 1 in each period.
-    - `noise`: for a measurement error of size 1 at each sample.
-    - `start_error`, `start_speed`: for an initial e, which the filter knows, or v, which it does not, of size 1.
-    - `start_miss`: for an error of the filter's first position of size 1.
-    - `goal`: for an acceleration of size 1 that the law itself adds to its command, by the lag from when it acts.
+    A lag is a number of periods. Each kernel is for one kind of input:
+
+    - `any_form`: an acceleration w of size 1, of any form within and between periods.
+    - `ramp`: a continuous w with a rate of size 1. Add `beyond` times the size of w to the response.
+    - `step`: a w that is 1 from some time on.
+    - `pulse`: a position pulse of size 1 in each period.
+    - `noise`: a measurement error of size 1 at each sample.
+    - `start_error`: an initial e of size 1, which the filter knows; `start_speed`: an initial v of size 1, which the
+      filter does not know.
+    - `start_miss`: an error of size 1 in the filter's first position.
+    - `goal`: an acceleration of size 1 that the law itself adds to its command; its lag counts from when it acts.
     """
 
     any_form: Floats
@@ -62,7 +65,7 @@ class LoopKernel:
         return float(np.sum(self.any_form))
 
     def by_output(self) -> dict[str, LoopKernel]:
-        """Return the kernel of each output, from those of all."""
+        """Split kernels [L outputs] into kernels [L] by the name of the output."""
         return {
             name: LoopKernel(**{kind: values[..., i] for kind, values in vars(self).items()})
             for i, name in enumerate(OUTPUTS)
@@ -73,7 +76,8 @@ class LoopKernel:
 class Spread:
     """Kernels of one output over all inertia ratios κ of a band.
 
-    - `nominal`: for κ = 1. `departure`: largest departure from it over κ. `largest`: largest response over κ.
+    - `nominal`: for κ = 1. `departure`: largest size of the difference from the nominal response over κ.
+    - `largest`: largest size of the response over κ.
     """
 
     nominal: LoopKernel
@@ -89,10 +93,11 @@ def loop_kernels(loop: JointLoop) -> dict[str, LoopKernel]:
 def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, Spread]:
     """Return the kernels of all outputs over κ from 1/(1 + p) to 1/(1 - p).
 
-    Between two of the ratios that are computed, a response departs from its chord by at most Δκ²/8 times its second
-    derivative by κ (`_bend`). In kernels that are summed this share is added to the last lag.
+    Responses are computed for a grid of ratios. Between two neighbours a response departs from its chord by at most
+    Δκ²/8 times its second derivative by κ (`_bend`). This share is added to the last lag of kernels that are summed,
+    and to all lags of the others.
 
-    - `growth`: rate of a weight `exp(growth k h)` of lag k in `departure` and `largest` [1/s].
+    - `growth`: rate of the weight `exp(growth (k + 1) h)` of lag k in `departure` and `largest` [1/s].
 
     Raises DefinitionError if the loop is unstable for a κ of the band.
     """
@@ -112,11 +117,12 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
 def bare_kernels(
     loop: JointLoop, p: float, growth: float, length: int, *, rest: bool = False
 ) -> dict[str, dict[str, LoopKernel]]:
-    """Return the parts of `spread_kernels` for `nominal`, `departure` and `largest`, for each output.
+    """Return the kernels of `spread_kernels` without the share between two ratios, by kind and by output.
 
-    - `length`: periods after which the kernels end.
-    - `rest`: True for what follows their end, in their last value; False for the kernels without it. Neither has the
-      share between two ratios.
+    The kinds are `nominal`, `departure` and `largest`.
+
+    - `length`: periods after which the kernels are truncated.
+    - `rest`: True for the bound of the truncated part alone, in the last lag; False for the kernels without it.
     """
     ratios, maps = _stable_maps(loop, p, growth)
     nominal, traces = _traces(loop, ratios, maps, growth, length)
@@ -136,7 +142,7 @@ def bare_kernels(
 
 
 def kernel_length(loop: JointLoop, p: float, growth: float) -> int:
-    """Return the number of periods after which `spread_kernels` end.
+    """Return the number of periods after which `spread_kernels` truncates its kernels.
 
     Raises DefinitionError as `spread_kernels` does.
     """
@@ -144,7 +150,7 @@ def kernel_length(loop: JointLoop, p: float, growth: float) -> int:
 
 
 def inertia_ratios(p: float) -> Floats:
-    """Return 1, and the ratios κ of a band at which responses are computed."""
+    """Return the ratios κ at which responses are computed: 1 first, then a grid over the band in increasing order."""
     if p == 0.0:
         return np.array([1.0])
     count = 2 + int((1 / (1 - p) - 1 / (1 + p)) / FARTHEST)
@@ -170,7 +176,7 @@ def _longest(loop: JointLoop, all_maps: list[PeriodMaps], growth: float) -> int:
 def _traces(
     loop: JointLoop, ratios: Floats, all_maps: list[PeriodMaps], growth: float, length: int
 ) -> tuple[_Trace, list[_Trace]]:
-    """The nominal response without a weight, and those for all ratios."""
+    """Return the nominal responses without a weight, and the weighted responses for each ratio."""
     traces = [_Trace.of(loop, maps, ratio, length, growth) for maps, ratio in zip(all_maps, ratios, strict=True)]
     return _Trace.of(loop, all_maps[0], 1.0, length, 0.0), traces
 
@@ -180,12 +186,13 @@ FARTHEST = 0.006
 
 
 def _bend(step: float, p: float, gain: float) -> float:
-    """Departure of a response from its chord, per gain of its output to w and size of the response of `a = κ (s + w)`.
+    """Return a factor that bounds a response's departure from its chord between two computed ratios.
 
-    With `s + w = T w`, `y'' = 2 (T - 1) H a/κ³` for a response y to any input and H of the same output to w. Away from
+    The departure is at most this factor, times the gain of the output to w, times the response of `a = κ (s + w)`. With
+    `s + w = T w`, `y'' = 2 (T - 1) H a/κ³` for a response y to any input, where H maps w to the same output. Away from
     a computed ratio by Δκ/2 at most, T, H and a are at most 1/(1 - reach) times as large (docs/any-motion.md).
 
-    - `step`: Δκ between neighbours. `gain`: of a to w, the largest over κ at each lag.
+    - `step`: Δκ between neighbours. `gain`: gain of a to w, from its largest size over κ at each lag.
 
     Raises DefinitionError if the ratios are too far apart.
     """
@@ -201,13 +208,14 @@ def _bend(step: float, p: float, gain: float) -> float:
 
 @dataclass(frozen=True)
 class _Trace:
-    """Responses of all outputs in periods as the unit of time.
+    """Responses of all outputs, with the period as the unit of time.
 
-    - `response`: [L outputs 7] to noise, position pulse, velocity pulse, the two starts, the goal, and a position pulse
-      by w; `rest`: [outputs 7].
-    - `own`: effect in the same period of noise, of a constant w, further by the time in it, and of a goal that is
-      decided in it [outputs 4].
+    - `response`: [L outputs 7], to noise, position pulse, velocity pulse, initial e, initial v, goal, and position
+      pulse by w; `rest`: bound of the truncated responses [outputs 7].
+    - `own`: effects in the same period [outputs 4]: of noise, of a constant w, the further effect of w (`DIRECT`), and
+      of a goal that is decided in the period.
     - `delay`: periods until a goal acts.
+    - `ratio`: κ. `weight`: weight of each lag [L + 1].
     """
 
     period: float
@@ -234,27 +242,27 @@ class _Trace:
                 response[:, i] = np.diff(response[:, i], axis=0, prepend=0.0)
                 response[0, i, [0, 5]] -= own[i, [0, 3]]
                 rest[i] *= 2.0
-        # A w acts by κ.
+        # The joint's acceleration is κ (s + w), so that responses to w have the factor κ.
         response[:, :, 2] *= ratio
         w_pulse = response[:, :, 1:2] * ratio
         response = np.concatenate([response, w_pulse], axis=2)
         rest = np.concatenate([rest, rest[:, 1:2] * ratio], axis=1)
-        # An input of k periods ago may be up to k + 1 periods old.
+        # An input at lag k may be up to k + 1 periods old.
         weight = np.exp(growth * loop.period * (1.0 + np.arange(length + 1)))
         return cls(loop.period, loop.delay, response, rest, own, ratio, weight)
 
     def less(self, other: _Trace) -> _Trace:
-        """The difference of two responses."""
+        """Return the difference of two responses; their rests add up."""
         response, rest, own = self.response - other.response, self.rest + other.rest, self.own - other.own
         return replace(self, response=response, rest=rest, own=own)
 
     def kernels(self) -> LoopKernel:
-        """The kernels of all outputs [L outputs]."""
+        """Return the kernels of all outputs [L outputs]."""
         h, rest, weight = self.period, self.rest.T, self.weight[:, None]
         direct, constant, beyond, goal_direct = self.own.T
         noise, pulse, velocity, start_error, start_speed, goal, late = np.moveaxis(self.response, 2, 0)
-        # A w at the start of its period acts by `late + velocity`, at its end by `velocity`; a maximum over κ of the
-        # size of such a line is convex in time.
+        # The effect of w is linear in its time in the period: `velocity + late` at the start, `velocity` at the end.
+        # The maximum over κ of its size is convex in time.
         ends = np.stack([np.abs(velocity), np.abs(velocity + late)])
         reached = constant + np.concatenate([np.zeros((1, len(constant))), np.cumsum(0.5 * late + velocity, axis=0)])
         between = 0.5 * (np.abs(reached[:-1]) + np.abs(reached[1:])) + np.abs(late) / 12.0
@@ -277,18 +285,18 @@ class _Trace:
             ramp=joined(constant + np.abs(beyond), between, w_rest * len(late)) * (unit * h**3),
             beyond=np.abs(beyond) * unit * h**2,
             step=stepped * weight * (unit * h**2) + w_rest * (unit * h**2),
-            # The filter does not know of a pulse by the arm, but knows the reference's own.
+            # The filter does not know a pulse by the arm, but it knows a pulse by the reference.
             pulse=joined(0.0 * direct, np.maximum(np.abs(pulse), np.abs(start_error)), rest[1] + rest[3]) * unit,
             noise=joined(direct, noise, rest[0]) * unit,
             start_error=begun(start_error, rest[3]) * unit,
             start_speed=begun(start_speed, rest[4]) * (unit * h),
-            # A known error less one that the filter does not know.
+            # The response to an error that the filter knows, less that to an error that it does not know.
             start_miss=begun(start_error - pulse, rest[3] + rest[1]) * unit,
             goal=self._acting(goal_direct, goal, rest[5]) * (unit * h**2),
         )
 
     def _acting(self, own: Floats, later: Floats, rest: Floats) -> Floats:
-        """Sizes of the response to a goal, from when it acts; before that it has no effect."""
+        """Return the sizes of the response to a goal, with lag 0 where the goal begins to act."""
         value = np.concatenate([np.abs(own)[None], np.abs(later)])
         value = np.concatenate([value[self.delay :], np.zeros((self.delay, len(own)))]) * self.weight[:, None]
         value[-1] += rest
@@ -296,9 +304,9 @@ class _Trace:
 
 
 def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, between: Any = 0.0) -> LoopKernel:
-    """The largest of several kernels [L outputs] at each lag, and a share `between` of the acceleration's kernel.
+    """Return the largest of several kernels [L outputs] at each lag, plus the share between two ratios.
 
-    - `pushed`: the acceleration's. `between`: [outputs].
+    That share is `between` [outputs] times the sum, or the maximum, of `pushed`, the kernel of the acceleration.
     """
 
     def most(name: str) -> Floats:
@@ -325,7 +333,7 @@ def _largest(kernels: list[LoopKernel], pushed: LoopKernel | None = None, betwee
 
 
 def _starts(size: int) -> Floats:
-    """Initial states: an error e that the filter has measured, and a velocity v that it does not know."""
+    """Return two initial states as columns: an e that the filter knows, and a v that it does not know."""
     starts = np.zeros((size, 2))
     starts[[0, 2], 0] = 1.0
     starts[OWN::PENDING, 0] = 1.0
@@ -334,12 +342,15 @@ def _starts(size: int) -> Floats:
 
 
 def _length(step: Floats) -> int:
-    """Number of periods after which powers of the step are small."""
+    """Return a number of periods after which powers of the step are at most `SMALLEST`."""
     power, length = step, 1
     while np.max(np.abs(power)) > SMALLEST:
         power, length = power @ power, 2 * length
         if length > LONGEST:
-            raise DefinitionError(f"the loop of a joint takes more than {LONGEST} periods to settle")
+            raise DefinitionError(
+                f"the loop of a joint takes more than {LONGEST} periods to settle; choose a shorter horizon "
+                "or a faster filter"
+            )
     return max(length, 16)
 
 
@@ -352,9 +363,11 @@ def _powers(step: Floats, first: Floats, count: int) -> Floats:
 
 
 def _rest(maps: PeriodMaps, length: int, state: Floats, growth: float) -> Floats:
-    """Sums of all responses after the truncation, in size, [outputs inputs].
+    """Return bounds of the sums of all responses after the truncation [outputs inputs].
 
-    With `A^L` after L periods, `Σ_{k >= L} |C A^k B| <= (Σ_{k < L} |C A^k|) (I - |A^L|)⁻¹ |A^L B|`.
+    `Σ_{k >= L} |C A^k B| <= (Σ_{k < L} |C A^k|) (I - |A^L|)⁻¹ |A^L B|`.
+
+    - `length`: L. `state`: `A^L B` without the weight of `growth`.
     """
     step = maps.step * np.exp(growth)
     total = np.sum(np.abs(_powers(step.T, maps.outputs.T, length)), axis=0).T
@@ -364,7 +377,7 @@ def _rest(maps: PeriodMaps, length: int, state: Floats, growth: float) -> Floats
 
 
 def _area(a: Floats, b: Floats) -> Floats:
-    """`∫₀¹ |a + (b - a) x| dx`."""
+    """Return `∫₀¹ |a + (b - a) x| dx`, the area under the size of a line from a to b."""
     both = np.abs(a) + np.abs(b)
     safe = np.where(both > 0.0, both, 1.0)
     return np.where(a * b >= 0.0, 0.5 * both, 0.5 * (a * a + b * b) / safe)

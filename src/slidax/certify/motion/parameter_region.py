@@ -2,11 +2,12 @@
 
 Three statements on the error of the parameters hold at once:
 
-1. `(1 - p) M0(q) <= M(q) <= (1 + p) M0(q)` for every q;
-2. `-C_b <= ΔJ_b <= C_b` for the pseudo-inertia of each body b, and |ΔR_i| at most a number per rotor: the cover;
-3. the error is `ξ D` with |ξ| <= 1: the ellipsoid, if there is one.
+1. the band: `(1 - p) M0(q) <= M(q) <= (1 + p) M0(q)` for every q;
+2. the cover: `-C_b <= ΔJ_b <= C_b` for the pseudo-inertia of each body b, and a bound of |ΔR_i| for each rotor;
+3. the ellipsoid, if there is one: the error is `ξ D` with |ξ| <= 1.
 
-The ellipsoid is exact for torques at a point. The cover serves for what is small: remainders of Taylor's theorem.
+The ellipsoid gives exact bounds of torques at one state. The cover is less tight, and bounds the small remainders of
+Taylor's theorem.
 """
 
 from __future__ import annotations
@@ -27,17 +28,19 @@ from .body_points import BodyPoints, points_of, pseudo_inertias
 Floats = NDArray[np.float64]
 
 SHARE = 0.3
-"""Share of the mean body in the metric in which covers are small, so that light bodies have one."""
+"""Share of the mean body that is added to each body's pseudo-inertia in the metric of covers.
+
+With it, the metric of a light body is not singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterRegion:
     """Region of the inertial parameters.
 
-    - `p`: of statement 1.
-    - `points`: four points of each C_b [n 4 4]; `rotors`: largest errors of the rotors [n], kg m².
-    - `deviations`: pseudo-inertias of the rows of D [r n 4 4]; `rotor_deviations`: their rotors [r n]. Without an
-      ellipsoid r is 0.
+    - `p`: p of the band.
+    - `points`: four points of each C_b [n 4 4]; `rotors`: largest errors of the rotors' inertias [n], kg m².
+    - `deviations`: pseudo-inertias of the rows of D [r n 4 4]; without an ellipsoid r is 0.
+    - `rotor_deviations`: rotor inertias of the rows of D [r n].
     - `title`: the region in words.
     """
 
@@ -50,7 +53,7 @@ class ParameterRegion:
 
     @property
     def has_ellipsoid(self) -> bool:
-        """True if statement 3 counts."""
+        """True if the region has an ellipsoid."""
         return len(self.deviations) > 0
 
 
@@ -74,7 +77,7 @@ class BodyBand:
                 raise DefinitionError(f"`BodyBand.{name}` must be in [0, 1); got {value:g}")
 
     def region(self, bodies: BodyPoints) -> ParameterRegion:
-        """Return the region: M is a positive linear map of the pseudo-inertias and rotors."""
+        """Return the region. Its p is the larger of both, as M is a positive linear map of inertias and rotors."""
         n = bodies.joints
         return ParameterRegion(
             p=max(self.bodies, self.rotors),
@@ -89,12 +92,12 @@ class BodyBand:
 def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
     """Return the region of an identified arm.
 
-    Combinations of parameters that no torque shows are free. They are chosen so that the deviations are small relative
-    to the bodies, by least squares, since the cover is a bound per body.
+    Combinations of parameters that affect no torque are free. They are chosen by least squares, so that the deviations
+    are small relative to the bodies. This makes the cover small, which is a bound per body.
 
-    - `arm`: the identified arm, which is the nominal one.
+    - `arm`: the identified arm, which is the nominal arm.
 
-    Raises DefinitionError if the band is of another number of joints, or p is not below 1.
+    Raises DefinitionError if the band has another number of joints, or p is not below 1.
     """
     n = arm.joints
     if band.deviations.shape[1] != (BODY + 1) * n:
@@ -125,7 +128,7 @@ def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
 def ball_region(arm: Articulated, rows: Floats, p: float, title: str) -> ParameterRegion:
     """Return the region of `ξ D` with |ξ| <= 1.
 
-    - `arm`: the nominal one. `rows`: D [r 11n]. `p`: of statement 1. `title`: the region in words.
+    - `arm`: the nominal arm. `rows`: D [r 11n]. `p`: p of the band. `title`: the region in words.
 
     Raises DefinitionError as `identified_region` does.
     """
@@ -135,19 +138,19 @@ def ball_region(arm: Articulated, rows: Floats, p: float, title: str) -> Paramet
 
 
 def require_small(p: float) -> None:
-    """Raise DefinitionError unless p of statement 1 is below 1."""
+    """Raise DefinitionError unless p of the band is below 1."""
     if not p < 1.0:
         raise DefinitionError(
-            f"the mass matrix may differ by p = {p:.3g} of the nominal one, and a bound along a motion needs less than "
-            "1: make the sets narrower, or identify the arm"
+            f"the mass matrix may differ from the nominal one by a share of p = {p:.3g}; a bound along a motion "
+            "needs less than 1: make the sets narrower, or identify the arm"
         )
 
 
 def joined_regions(regions: Sequence[ParameterRegion]) -> ParameterRegion:
-    """Return the region of sums of one error from each region.
+    """Return the region that contains every sum of errors, with one error from each region.
 
-    p and the covers add up. With weights `w_k > 0` whose sum is 1, a sum of vectors from balls is in the ball of the
-    rows `D_k/√w_k`; the weights are in proportion to p.
+    p and the covers add up. With weights `w_k > 0` whose sum is 1, a sum of errors from ellipsoids D_k lies in the
+    ellipsoid of the rows `D_k/√w_k`. The weights are in proportion to p.
 
     Raises DefinitionError if p is not below 1.
     """
@@ -192,7 +195,7 @@ def cover_points(deviations: Floats, roots: Floats) -> Floats:
 
 
 def _least_deviations(arm: Articulated, deviations: Floats, roots: Floats, rotors: Floats) -> Floats:
-    """Deviations that show in the same torques, and are least in the metric of the bodies."""
+    """Return deviations that change torques in the same way, and are smallest in the metric of the bodies."""
     n = arm.joints
     base, scale = base_parameters(arm)
     hidden = np.linalg.svd(base.T)[2][base.shape[1] :] * scale

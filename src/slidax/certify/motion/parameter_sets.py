@@ -1,14 +1,15 @@
-"""Sets of a scenario's numbers, such as link masses and rotors, as a region of the true arm's inertial parameters.
+"""Uncertainty sets of link masses, rotors and the like, as a region of the true arm's inertial parameters.
 
 The inertial parameters φ are affine in masses, in inertias about fixed centres, and in rotors. So over a box of such
-numbers `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k per number. A row that adds mass only
-has `M(D_k) >= 0` for every q. Of these rows
+values `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k per value. A row that only adds mass
+has `M(D_k) >= 0` for every q. If all rows do,
 
-1. `-M(Σ D_k) <= ΔM <= M(Σ D_k)`, so that one p holds for all of them together;
+1. `-M(Σ D_k) <= ΔM <= M(Σ D_k)`, so that one p holds for all rows together;
 2. `-Σ J(D_k) <= ΔJ_b <= Σ J(D_k)` for each body;
 3. `Σ ξ_k D_k` is in the ellipsoid of the rows `D_k/√w_k` with `Σ w_k = 1`, since `Σ w_k ξ_k² <= 1`.
 
-With `w_k` in proportion to the size of D_k, equal rows are one row, and empty rows are none.
+`w_k` is in proportion to the size of D_k. So a row that is split into equal parts counts as one row, and an empty row
+does not count.
 """
 
 from __future__ import annotations
@@ -42,20 +43,22 @@ Floats = NDArray[np.float64]
 INERTIAL = tuple(
     f"robot.plant.{name}" for name in ("mass_factor", "inertia_factor", "armature", "load", "masses", "inertias")
 )
-"""Paths of numbers that change inertial parameters."""
+"""Paths of a scenario whose values change inertial parameters."""
 
 POINTS = 3
-"""Points of a box at which its rows are compared with the arm itself."""
+"""Random points of a box at which the affine map is checked against the arm itself."""
 
 ROUNDING = 1e-9
 
 
 def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[ParameterRegion]:
-    """Return regions whose sum is that of the true arm's numbers and their sets; none if it is the nominal arm.
+    """Return the regions of the true arm's uncertainty sets and of its known difference from the nominal arm.
 
-    - `arm`: the nominal arm. `plant`: with some values of the sets.
+    The sum of all regions contains the true arm. The list is empty if the true arm is the nominal arm.
 
-    Raises DefinitionError if inertial parameters are not affine in a number, or a payload comes or goes.
+    - `arm`: the nominal arm. `plant`: the plant with any values from the sets.
+
+    Raises DefinitionError if inertial parameters are not affine in a value, or a payload comes or goes.
     """
     family = family_of(scenario)
     sets = {} if family is None else {k: each for k, each in family.space.sets.items() if k.startswith(INERTIAL)}
@@ -78,9 +81,9 @@ def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[
 
 
 def rigid_links(robot: Any) -> Articulated:
-    """Return an arm as one of rigid links, which the built-in arms of the paper have as well.
+    """Return an arm as an `Articulated` arm; the paper's built-in arms are converted.
 
-    Raises DefinitionError for another arm.
+    Raises DefinitionError for an arm that does not consist of rigid links.
     """
     if isinstance(robot, TwoLink | Scara):
         return _chain(robot)
@@ -91,14 +94,14 @@ def rigid_links(robot: Any) -> Articulated:
 
 @eqx.filter_jit
 def _chain(robot: TwoLink | Scara) -> Articulated:
-    # Compiled, since a set of numbers needs hundreds of arms, and its parts one by one take ten times as long.
+    # Compiled, which is ten times as fast: an uncertainty set needs hundreds of arms.
     return robot.rigid_links()
 
 
 def true_parameters(robot: AbstractRobot, load: TimedPayload | None) -> Floats:
     """Return the inertial parameters of a true arm with its payload [11n].
 
-    Raises DefinitionError if the payload comes or goes, or the arm is not one of rigid links.
+    Raises DefinitionError if the payload comes or goes, or the arm does not consist of rigid links.
     """
     links = rigid_links(robot)
     if load is not None:
@@ -112,9 +115,9 @@ def true_parameters(robot: AbstractRobot, load: TimedPayload | None) -> Floats:
 
 
 def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]:
-    """φ in the middle of the box, and a row for each axis [K 11n].
+    """Return φ in the middle of the box [11n], and the row D_k of each axis [K 11n].
 
-    Raises DefinitionError if they do not describe the arm elsewhere in the box.
+    Raises DefinitionError if φ is not affine in the axes.
     """
     numbers = {path: each for path, each in family.space.sets.items() if path != INERTIAL_PATH}
     ends = {path: set_ends(each, family.space.leaves[path]) for path, each in numbers.items()}
@@ -132,7 +135,7 @@ def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]
     count = len(axes)
     base = parameters(np.zeros(count))
     rows = np.stack([0.5 * (parameters(unit) - parameters(-unit)) for unit in np.eye(count)])
-    # φ is a polynomial of the numbers: one that agrees with an affine map at a generic point is that map.
+    # φ is a polynomial in the values. A polynomial that agrees with an affine map at a generic point is that map.
     for signs in np.random.default_rng(0).uniform(-1.0, 1.0, (POINTS, count)):
         apart = np.abs(parameters(signs) - base - signs @ rows)
         if np.any(apart > ROUNDING * (np.abs(base) + np.abs(rows).sum(axis=0) + ROUNDING)):
@@ -145,18 +148,18 @@ def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]
 
 
 def _box_region(bound: MassBound, rows: Floats) -> ParameterRegion:
-    """The region of `Σ ξ_k D_k` with |ξ_k| <= 1."""
+    """Return the region of `Σ ξ_k D_k` with |ξ_k| <= 1."""
     n = rows.shape[1] // (BODY + 1)
     bodies, rotors = pseudo_inertias(rows[:, : BODY * n]), rows[:, BODY * n :]
-    # Numbers that take mass away are turned round.
+    # Rows that take mass away change their sign.
     turned = np.where(np.trace(bodies.sum(axis=1), axis1=1, axis2=2) + rotors.sum(axis=1) < 0.0, -1.0, 1.0)
     rows, bodies, rotors = rows * turned[:, None], bodies * turned[:, None, None, None], rotors * turned[:, None]
     least = np.linalg.eigvalsh(bodies).min(axis=(1, 2))
     largest = np.abs(bodies).max(axis=(1, 2, 3))
     if np.any(least < -ROUNDING * largest) or np.any(rotors < 0.0):
         raise DefinitionError(
-            "a number of the set adds to one inertia and takes from another, so that it has no bound of its own: set "
-            f"`uncertainty.{INERTIAL_PATH}: {{band: 0.03}}`"
+            "an uncertain value increases one inertia and decreases another, and a bound along a motion does not cover "
+            f"such a value: set `uncertainty.{INERTIAL_PATH}: {{band: 0.03}}` instead"
         )
     sizes = bound.of(rows, refine=False)
     rows_of = np.sqrt(np.sum(sizes) / sizes)
@@ -167,5 +170,5 @@ def _box_region(bound: MassBound, rows: Floats) -> ParameterRegion:
         rotors=rotors.sum(axis=0),
         deviations=bodies * rows_of[:, None, None, None],
         rotor_deviations=rotors * rows_of[:, None],
-        title="the sets of numbers of the true arm",
+        title="the uncertainty sets of the true arm's inertial parameters",
     )

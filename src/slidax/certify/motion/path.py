@@ -19,7 +19,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The nominal arm along a motion, and the region around it: everything that does not depend on the tube."""
+    """The nominal arm at the centres of a motion's cells, and the parameter region around it.
+
+    None of it depends on the tube.
+    """
 
     bodies: BodyPoints
     region: ParameterRegion
@@ -43,39 +46,39 @@ class Path:
 
     @cached_property
     def mass(self) -> Floats:
-        """M0 at the centres [N n n]."""
+        """M0 at the centres [cells n n]."""
         y = self.points.columns[0]
         return gram(y, y) + np.diag(self.bodies.rotors)
 
     @cached_property
     def root(self) -> Floats:
-        """`G⁻ᵀ` with `M0 = G Gᵀ` [N n n]: its columns are orthonormal in the metric."""
+        """`G⁻ᵀ` with `M0 = G Gᵀ` [cells n n]; its columns are orthonormal in the metric of M0."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2))
 
     @cached_property
     def inverse(self) -> Floats:
-        """M0⁻¹ at the centres [N n n]."""
+        """M0⁻¹ at the centres [cells n n]."""
         return np.asarray(self.root @ self.root.swapaxes(1, 2))
 
     @cached_property
     def change(self) -> Floats:
-        """Norm of Ṁ0 [N]."""
+        """Norm of `M0⁻¹ Ṁ0` in the metric of M0 [cells], 1/s."""
         return spectral_norm(self.root.swapaxes(1, 2) @ self.rate @ self.root)
 
     @cached_property
     def coriolis(self) -> Floats:
-        """`2 C` [N n n]."""
+        """`2 C(q, q̇)` at the centres [cells n n]."""
         y, y1, _ = self.points.columns
         return 2.0 * gram(y, y1)
 
     @cached_property
     def rate(self) -> Floats:
-        """Ṁ0, which is half of 2 C and its transpose [N n n]."""
+        """Ṁ0 at the centres, the symmetric part of `2 C` [cells n n]."""
         return np.asarray(0.5 * (self.coriolis + self.coriolis.swapaxes(1, 2)))
 
     @cached_property
     def torques(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Largest `(A x)_i` over all x of norm 1 [N n], for 2 C and its rate, and for Ṁ0 and its rate."""
+        """Largest `(A x)_i` over all x of norm 1, each [cells n]: for 2 C, the rate of 2 C, Ṁ0 and the rate of Ṁ0."""
         y, y1, y2 = self.points.columns
         turn = 2.0 * (gram(y1, y1) + gram(y, y2))
         forms = self.coriolis, turn, self.rate, 0.5 * (turn + turn.swapaxes(1, 2))
@@ -83,7 +86,7 @@ class Path:
 
     @cached_property
     def stiffness(self) -> Floats:
-        """The derivative P of the inverse dynamics by q [N n n]."""
+        """P, the derivative of the inverse dynamics by q, at the centres [cells n n]."""
         y, _, y2 = self.points.columns
         (count, _, n), pairs = y.shape, self.pairs
         force = np.cross(y.swapaxes(1, 2).reshape(count, n, -1, 3), self.points.acceleration.reshape(count, 1, -1, 3))
@@ -97,7 +100,7 @@ class Path:
 
     @cached_property
     def cover_moments(self) -> PointMoments:
-        """Moments of the cover's points at the centres."""
+        """Inner products of the cover's points at the centres."""
         return PointMoments.of(self.cover.columns[0], self.frames.axes)
 
     @cached_property
@@ -107,10 +110,10 @@ class Path:
 
     @cached_property
     def cover_norms(self) -> PointNorms:
-        """Norms of the cover's points at the centres, those of products as products of norms."""
+        """Norms of the cover's points at the centres; norms of products are bounded by products of norms."""
         return PointNorms.of(self, self.cover, self.cover_moments, cover=True)
 
     @cached_property
     def region_norms(self) -> RegionNorms:
-        """Suprema over the region at the centres."""
+        """Suprema over the parameter region at the centres."""
         return RegionNorms.of(self)

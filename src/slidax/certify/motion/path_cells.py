@@ -1,4 +1,4 @@
-"""A motion cut into short cells of time, with bounds of its derivatives that hold at every instant of a cell."""
+"""A motion cut into short time cells, with bounds of its derivatives that hold at every instant of a cell."""
 
 from __future__ import annotations
 
@@ -21,22 +21,25 @@ from slidax.motions.trajectory import (
 Floats = NDArray[np.float64]
 
 CELL_TRAVEL = 0.06
-"""rad or m: all joints together travel at most this far in a cell, so that its remainders are some per cent."""
+"""rad or m: largest travel of all joints together in a cell, so that Taylor remainders are a few per cent."""
 
 SHORTEST_CELL, LONGEST_CELL = 0.005, 0.028
-"""s."""
+"""Limits of a cell's length [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathCells:
-    """A motion in N cells of equal length, followed by rest or up to an end.
+    """A motion in cells of equal length. A motion that ends is followed by some rest.
 
     - `period`: h [s]; `per_cell`: periods in a cell.
-    - `q`, `dq`, `ddq`, `dddq`: the motion at the centre of each cell [N n].
-    - `speed`, `acceleration`, `jerk`: largest sizes in each cell, for all of its times [N n].
-    - `jump`: sum of the acceleration's jumps in each cell [N n], at knots.
-    - `pulse`: largest miss of the position after a period under the mean acceleration [N n], rad or m.
-    - `until`: time up to which the cells are those of the motion [s]; None if it ends at rest, for all times.
+    - `q`, `dq`, `ddq`, `dddq`: the motion at the centre of each cell [cells n].
+    - `speed`, `acceleration`, `jerk`: bounds of |dq|, |ddq| and |dddq| over each cell [cells n].
+    - `jump`: sum of the sizes of the acceleration's jumps in each cell [cells n].
+    - `pulse`: largest difference, over the periods of a cell, between the reference's step and its step under the mean
+      acceleration [cells n], rad or m.
+    - `pieces`: the motion itself.
+    - `until`: end of the last cell for a motion without an end [s]. None for a motion that ends at rest: then the last
+      cell stands for all later times.
     """
 
     period: float
@@ -55,7 +58,7 @@ class PathCells:
 
     @property
     def moving(self) -> int:
-        """Number of cells until the arm is at rest for good, or one fewer than all cells."""
+        """Number of cells before the arm stays at rest; at most all cells but one."""
         same = np.all(np.concatenate([self.q - self.q[-1], self.dq, self.ddq, self.dddq], axis=1) == 0.0, axis=1)
         return min(int(np.count_nonzero(np.logical_or.accumulate(~same[::-1]))), len(same) - 1)
 
@@ -66,7 +69,7 @@ class PathCells:
 
     @property
     def centres(self) -> Floats:
-        """Times of the centres [N], s."""
+        """Times of the centres [cells], s."""
         return np.asarray((np.arange(len(self.q)) + 0.5) * (self.period * self.per_cell), float)
 
     @classmethod
@@ -81,10 +84,10 @@ class PathCells:
     ) -> PathCells:
         """Cut a motion into cells.
 
-        - `motion`: the sample times are the multiples of the period.
-        - `per_cell`: periods in a cell; None: by the speed of the motion.
-        - `rest`: time at rest after a motion that ends which is looked at [s].
-        - `until`: time up to which a motion without an end is looked at [s].
+        - `motion`: the motion, sampled at multiples of the `period` [s].
+        - `per_cell`: periods in a cell; None to choose it by the speed of the motion.
+        - `rest`: time at rest to add after a motion that ends [s].
+        - `until`: time up to which to cut a motion without an end [s].
 
         Raises DefinitionError as `pieces_of` does.
         """
@@ -120,29 +123,33 @@ class PathCells:
 class AbstractPieces(ABC):
     """A motion with bounds of its derivatives.
 
-    - `knots`: times at which its acceleration may jump, from the first to the last that is looked at [s].
+    - `knots`: times at which the acceleration may jump, in increasing order; the last is the end of the motion [s].
     """
 
     knots: Floats
 
     @abstractmethod
     def at(self, t: Floats) -> list[Floats]:
-        """Return positions and three derivatives [N n] at the times."""
+        """Return positions and three derivatives at the times t, each [times n]."""
 
     @abstractmethod
     def jumps(self, count: int, length: float) -> Floats:
-        """Return the sum of the acceleration's jumps in each of `count` cells of a `length` [N n]."""
+        """Return the sum of the acceleration's jumps in each cell [cells n], for `count` cells of `length` [s]."""
 
     @abstractmethod
     def sizes(self, ticks: Floats, per_cell: int) -> list[Floats]:
-        """Return bounds of |dq|, |ddq| and |dddq| in each cell [N n], of so many ticks each."""
+        """Return bounds of |dq|, |ddq| and |dddq| in each cell, each [cells n].
+
+        - `ticks`: sample times, from the start of the first cell to the end of the last one [s].
+        - `per_cell`: periods in a cell.
+        """
 
     @abstractmethod
     def extremes(self, order: int) -> Extremes:
         """Return bounds of a derivative's extremes; order 0 is the position."""
 
     def per_cell(self, period: float) -> int:
-        """Return a number of periods for a cell, by the speed of the motion."""
+        """Return the number of periods in a cell, chosen by the speed of the motion."""
         t = np.linspace(self.knots[0], self.knots[-1], 400)
         fastest = float(np.max(np.sum(np.abs(self.at(t)[1]), axis=1)))
         length = np.clip(CELL_TRAVEL / max(fastest, 1e-9), SHORTEST_CELL, LONGEST_CELL)
@@ -152,9 +159,9 @@ class AbstractPieces(ABC):
 def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPieces:
     """Return a motion with bounds of its derivatives.
 
-    - `until`: time up to which a motion without an end is looked at [s].
+    - `until`: time up to which a motion without an end is bounded [s].
 
-    Raises DefinitionError for a motion of another kind, or without an end or `until`.
+    Raises DefinitionError for a motion of another kind, or for a motion without an end if `until` is None.
     """
     if isinstance(motion, AbstractPiecewisePolynomial):
         return Pieces.of(motion)
@@ -170,7 +177,7 @@ def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPie
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieces(AbstractPieces):
-    """A smooth motion from time 0 to an end. Before it the reference moves on uniformly."""
+    """A smooth motion from time 0 to an end. Before time 0 the reference moves with constant velocity."""
 
     motion: AbstractSmoothMotion
     knots: Floats
@@ -218,7 +225,10 @@ class Pieces(AbstractPieces):
 
     @classmethod
     def of(cls, motion: AbstractPiecewisePolynomial) -> Pieces:
-        """The pieces of a motion, from time 0."""
+        """Return the pieces of a motion.
+
+        Raises DefinitionError if the motion starts before 0 s.
+        """
         knots, coefficients = np.asarray(motion.times, float), np.asarray(motion.coefficients, float)
         if knots[0] < -1e-12:
             raise DefinitionError(f"the motion must not start before 0 s; got {knots[0]:g} s")
@@ -228,9 +238,9 @@ class Pieces(AbstractPieces):
         return self.motion.extremes(order)
 
     def at(self, t: Floats, last: bool = False) -> list[Floats]:
-        """Return positions and three derivatives [N n] at the times.
+        """Return positions and three derivatives at the times t, each [times n].
 
-        - `last`: at a knot, take the piece that ends there, and not the one that begins.
+        - `last`: at a knot, True for the values of the piece that ends there; False for the piece that begins.
         """
         piece = np.searchsorted(self.knots, t, side="left" if last else "right")
         piece = np.clip(piece - 1, 0, len(self.knots) - 2)
@@ -244,7 +254,7 @@ class Pieces(AbstractPieces):
 
     def jumps(self, count: int, length: float) -> Floats:
         before, after = self.at(self.knots, last=True)[2], self.at(self.knots)[2]
-        # The first knot has rest before it.
+        # Before the first knot the motion is at rest.
         before[0] = 0.0
         size = np.abs(after - before)
         size[size < 1e-7] = 0.0
@@ -253,7 +263,7 @@ class Pieces(AbstractPieces):
         return result
 
     def sizes(self, ticks: Floats, per_cell: int) -> list[Floats]:
-        """Return bounds of |dq|, |ddq| and |dddq| in each cell [N n].
+        """Return bounds of |dq|, |ddq| and |dddq| in each cell [cells n].
 
         Between two nodes, which are ticks and knots, a derivative departs from its chord by at most Δ²/8 times the
         largest second derivative.
@@ -268,7 +278,7 @@ class Pieces(AbstractPieces):
         begins = np.searchsorted(nodes[:-1], ticks[:-1:per_cell])
         results = []
         for order in (1, 2, 3):
-            # The second derivative is itself at most its values at the ends and its own departure from its chord.
+            # A bound of the second derivative: its values at the ends, plus its departure from its own chord.
             bend = np.zeros_like(begin[0])
             for extra, factor in ((2, 1.0), (4, 1.0 / 8.0)):
                 powers = derivative_coefficients(self.coefficients, order + extra)[:, piece]

@@ -20,12 +20,13 @@ Floats = NDArray[np.float64]
 class PointNorms:
     """Norms of a set of points at the centres, in the metric there.
 
-    - `size`, `first`, `second`: of Y, Ẏ and Ÿ [N].
-    - `coriolis`, `coriolis_rate`: of `2 YᵀẎ` and of its rate [N].
-    - `slopes`, `turning`: of `∂_j Y` and `Yᵀ ∂_j Y` [N n]; `slopes_norm`, `turning_norm`: of their sums over j, per
-      norm of the velocities [N].
-    - `outer`: ‖Y x‖ of joints from k on, for ‖x‖ = 1 [N n]; `own`: ‖∂_k X‖ [N n].
-    - `force`, `bend`: of `Ẍ - g` and of `X⃛` without its share of the jerk, per body [N n].
+    - `size`, `first`, `second`: norms of Y, Ẏ and Ÿ [cells].
+    - `coriolis`, `coriolis_rate`: norms of `2 YᵀẎ` and of its rate [cells].
+    - `slopes`, `turning`: norms of `∂_j Y` and `Yᵀ ∂_j Y` [cells n].
+    - `slopes_norm`, `turning_norm`: bounds of `‖Σ_j v_j ∂_j Y‖` and `‖Σ_j v_j Yᵀ ∂_j Y‖` over all v of norm 1 [cells].
+    - `outer`: bound of ‖Y x‖ over ‖x‖ = 1, for the columns of joint k and the joints that it carries [cells n].
+    - `own`: ‖∂_k X‖ [cells n].
+    - `force`, `bend`: sizes of `Ẍ - g`, and of `X⃛` without its share of the jerk, per body [cells n].
     """
 
     size: Floats
@@ -46,8 +47,8 @@ class PointNorms:
     def of(cls, path: Path, points: PointMotion, moments: PointMoments, *, cover: bool = False) -> PointNorms:
         """Compute the norms at the centres of a path's cells.
 
-        - `cover`: True for points that bound errors `-C <= ΔJ <= C`: an inner product with ΔJ is at most the product of
-          the norms, and may be larger than that with C.
+        - `cover`: True for the points of a cover, which bound errors `-C <= ΔJ <= C`. Then the norm of a product is
+          bounded by the product of the norms: an inner product with ΔJ may be larger than that with C.
         """
         root, pairs = path.root, path.pairs
         y = points.columns[0]
@@ -82,27 +83,27 @@ class PointNorms:
 
 
 def by_body(points: Floats) -> Floats:
-    """Return the size of each body's points [N n ...] from [N D ...]."""
+    """Return the norm of each body's points [cells n ...], from coordinates [cells D ...]."""
     bodies = points.reshape(len(points), -1, 12, *points.shape[2:])
     return np.asarray(np.linalg.norm(bodies, axis=2))
 
 
 def gram(a: Floats, b: Floats) -> Floats:
-    """Return `aᵀ b` [N n n]."""
+    """Return `aᵀ b` of each cell [cells n n]."""
     return np.asarray(a.swapaxes(1, 2) @ b)
 
 
 def spectral_norm(a: Floats) -> Floats:
-    """Return spectral norms [N]."""
+    """Return the spectral norm of each cell's matrix [cells]."""
     return np.sqrt(np.maximum(np.linalg.eigvalsh(gram(a, a))[:, -1], 0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class JointPairs:
-    """Pairs (j, k) of joints, of which `∂_j∂_k X = z_inner × ∂_outer X` where one carries the other.
+    """Pairs (j, k) of joints: `∂_j∂_k X = z_inner × ∂_outer X` if one joint carries the other, else 0.
 
-    - `inner`, `outer`: the smaller and the larger joint of each pair [n n]. `known`: 1 where one carries the other,
-      else 0.
+    - `inner`, `outer`: the smaller and the larger index of each pair [n n].
+    - `known`: 1 where one joint carries the other, else 0 [n n].
     """
 
     inner: NDArray[np.intp]
@@ -121,8 +122,8 @@ class JointPairs:
 class PointMoments:
     """Inner products of the fields `z_a × ∂_k X`, for the axes z of all joints.
 
-    - `slopes_products`: `(z_a × ∂_k X) · (z_b × ∂_l X)` [N a k b l].
-    - `slopes_columns`: `(z_a × ∂_k X) · ∂_l X` [N a k l].
+    - `slopes_products`: `(z_a × ∂_k X) · (z_b × ∂_l X)` [cells a k b l].
+    - `slopes_columns`: `(z_a × ∂_k X) · ∂_l X` [cells a k l].
     """
 
     slopes_products: Floats
@@ -132,7 +133,7 @@ class PointMoments:
     def of(cls, y: Floats, axes: Floats) -> PointMoments:
         """Compute the products from `Σ ∂_k X ∂_l Xᵀ`, a 3 × 3 matrix of each pair of joints.
 
-        - `y`: Y [N D n]. `axes`: [N n 3].
+        - `y`: Y [cells D n]. `axes`: [cells n 3].
         """
         count, n = axes.shape[:2]
         stacked = y.reshape(count, -1, 3 * n)
@@ -148,7 +149,7 @@ class PointMoments:
         return cls(products, columns)
 
     def slopes(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
-        """Return the norms of `∂_j Y` [N n], and a bound of that of `Σ_j v_j ∂_j Y` for all v of norm 1 [N]."""
+        """Return the norms of `∂_j Y` [cells n], and a bound of `‖Σ_j v_j ∂_j Y‖` over v of norm 1 [cells]."""
         count, n = inverse.shape[:2]
         j, i, k, l = np.indices((n, n, n, n))
         places = np.ravel_multi_index(
@@ -161,7 +162,7 @@ class PointMoments:
         return _sizes(each, square, root)
 
     def turning(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
-        """Return the norms of `Yᵀ ∂_j Y` [N n], and a bound of that of `Σ_j v_j Yᵀ ∂_j Y` for all v of norm 1 [N]."""
+        """Return the norms of `Yᵀ ∂_j Y` [cells n], and a bound of `‖Σ_j v_j Yᵀ ∂_j Y‖` over v of norm 1 [cells]."""
         count, n = inverse.shape[:2]
         columns = self.slopes_columns[:, pairs.inner, pairs.outer] * pairs.known[..., None]
         columns = (columns.reshape(count, n * n, n) @ root).reshape(count, n, n, n)
@@ -173,11 +174,11 @@ class PointMoments:
 
 
 def _sizes(each: Floats, square: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Roots of squares of norms, and of the largest eigenvalue of a form in the metric."""
+    """Return the roots of squared norms `each`, and of the largest eigenvalue of the form `square` in the metric."""
     values = np.linalg.eigvalsh(root.swapaxes(1, 2) @ square @ root)[:, -1]
     return np.sqrt(np.maximum(each, 0.0)), np.sqrt(np.maximum(values, 0.0))
 
 
 def size_in(x: Floats, inertia: Floats) -> Floats:
-    """Return `√(|x|ᵀ |M| |x|)` [N], the largest norm of a vector whose entries have these sizes."""
+    """Return `√(|x|ᵀ |M| |x|)` [cells], the largest norm of a vector whose entries have these sizes."""
     return np.sqrt(np.einsum("ni,nij,nj->n", x, inertia, x))

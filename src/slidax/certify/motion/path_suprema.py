@@ -1,7 +1,7 @@
 """Suprema along a motion, for every instant of its cells and every arm position within a tube around it.
 
-All norms are taken in the metric of M0 at the actual position, `‖x‖² = xᵀ M0(q) x`. No quantity is sampled:
-path_tube.py bounds its change over a cell and the tube.
+All norms are taken in the metric of M0 at the actual position, `‖x‖² = xᵀ M0(q) x`. Values between the centres of the
+cells are not sampled: path_tube.py bounds the change of each quantity over a cell and the tube.
 """
 
 from __future__ import annotations
@@ -20,25 +20,29 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Suprema:
-    """Bounds in each of N cells; vectors are per joint.
+    """Bounds in each cell.
 
-    - `conversion`: `√(M0⁻¹)_ii`: size of a joint's coordinate for a vector of norm 1 [N n].
-    - `inverse`, `inertia`: |M0⁻¹| and |M0| by element [N n n].
-    - `growth`: rate at which the norm of a constant vector grows [N], 1/s; `slide`: norm of the rate of `M0⁻¹ E` [N],
-      1/s.
-    - `coriolis`: norm of `2 C(q, q̇)` [N]; `coriolis_rows`: norms of the rows of `M0⁻¹ 2 C` [N n];
-      `coriolis_entries`: `|M0⁻¹ 2 C|` by element [N n n].
-    - `coriolis_torques`, `change_torques`, `band_torques`: largest of `|A x|_i` over all x of norm 1, for 2 C, Ṁ0 and E
-      [N n].
-    - `stiffness`, `stiffness_entries`: the same for the derivative of the inverse dynamics by q.
-    - `per_command`: norm of its share of the command s, per joint and norm of s [N n].
-    - `band`: norm of `M0⁻¹ (E q̈_d + Δn)` along the motion [N]; `band_joints`: per joint [N n]; `band_rate`: norm of its
-      rate, but for jumps of the acceleration [N]; `band_tube`: further norm by the tube, without ë [N]; `band_torque`:
-      |E q̈_d + Δn| per joint along the motion [N n]; `torque_rate`: its rate but for jumps [N n]; `torque_jump`: the sum
-      of its jumps [N n].
-    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [N n n].
-    - `held`: norm of the disturbance by travel within a period that is even about its middle [N]; `odd`: rate of the
-      odd part [N]. `reference`: norm of the disturbance by the reference's own miss between samples [N].
+    - `conversion`: `√(M0⁻¹)_ii`, the largest coordinate i of a vector of norm 1 [cells n].
+    - `inverse`, `inertia`: |M0⁻¹| and |M0| by element [cells n n].
+    - `growth`: rate at which the norm of a constant vector grows [cells], 1/s.
+    - `slide`: norm of the rate of `M0⁻¹ E` [cells], 1/s.
+    - `coriolis`: norm of `M0⁻¹ 2 C(q, q̇)` [cells]; `coriolis_rows`: norms of its rows [cells n]; `coriolis_entries`:
+      its size by element [cells n n].
+    - `coriolis_torques`, `change_torques`, `band_torques`: largest `|A x|_i` over all x of norm 1, for A = 2 C, Ṁ0 and
+      E [cells n].
+    - `stiffness`, `stiffness_entries`: norm [cells] and size by element [cells n n] of `M0⁻¹ P`, with P the derivative
+      of the inverse dynamics by q, without the share of s.
+    - `per_command`: share of s in P: norm of column j, per norm of s [cells n].
+    - `band`: norm of the band's disturbance `M0⁻¹ (E q̈_d + Δn)` along the motion [cells]; `band_joints`: its size per
+      joint [cells n]; `band_rate`: norm of its rate, without jumps of the acceleration [cells].
+    - `band_tube`: norm of the further disturbance by the tube, without the share of ë [cells].
+    - `band_torque`: |E q̈_d + Δn| per joint along the motion [cells n]; `torque_rate`: its rate without jumps
+      [cells n]; `torque_jump`: the sum of its jumps [cells n].
+    - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [cells n n].
+    - `held`: norm of the disturbance by travel within a period, without the part that is odd about the middle of the
+      period [cells]; `odd`: rate of the odd part [cells].
+    - `reference`: norm of the disturbance that arises since the law plans each period with its mean acceleration, in
+      place of the reference's [cells].
     """
 
     conversion: Floats
@@ -89,12 +93,12 @@ def _suprema(cell: Cell) -> Suprema:
     inverse += (cell.rest + shift * spread)[:, None, None] * conversion[:, :, None] * conversion[:, None]
     conversion_sup = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
 
-    # Ṁ, which is half of 2 C and its transpose, along the motion and the arm's own.
+    # Ṁ0, the symmetric part of 2 C: along the planned motion, and along the arm's own motion.
     motion_change = path.change + cell.coriolis_moved
     change_shift = cell.coriolis_change(tube.speed, tube.speed_norm)
     change = (path.change + change_shift) * inflated
 
-    # Rows know more of their change at the centre than its norm.
+    # By row: the change to first order is exact at the centre. Only the rest is bounded by a norm.
     (turn, turn_rate, rate, rate_rate), known = path.torques, cell.half * at.coriolis_rate
     # 2 C(q, q̇), and the derivative of the inverse dynamics by q.
     coriolis_shift, stiff_shift = cell.coriolis_shift, cell.stiffness_shift
@@ -116,7 +120,7 @@ def _suprema(cell: Cell) -> Suprema:
     )
     per_command = 2.0 * (at.turning + cell.whole[:, None] * cell.turned + along[:, None] * cell.outer)
 
-    # Travel within a period, for the acceleration that the model is given: odd and even about the middle.
+    # Disturbance by travel within a period: the parts that are odd and even about the middle of the period.
     fed = (size_in(acceleration, inertia) + tube.command_norm) * grown
     whole = acceleration + tube.command
     fastest = speed + np.maximum(tube.speed, tube.model_speed)
@@ -157,9 +161,10 @@ def _suprema(cell: Cell) -> Suprema:
 
 
 def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion: Floats) -> dict[str, Floats]:
-    """The suprema over the region, by the names of `Suprema`.
+    """Return the suprema over the parameter region, by the field names of `Suprema`.
 
-    - `change`, `motion_change`: norms of Ṁ0 for the arm's motion, and for the planned one in the metric of the centre.
+    - `change`: norm of Ṁ0 along the arm's own motion; `motion_change`: along the planned motion, in the metric of the
+      centre.
     - `conversion`: as in `Suprema`.
     """
     path, cover, tube, at = cell.path, cell.cover, cell.tube, cell.path.region_norms
@@ -179,13 +184,13 @@ def _region_bounds(cell: Cell, change: Floats, motion_change: Floats, conversion
     band_rate = rate * grown + motion_change * inflated * band
     band_joints = at.joints + conversion * (half * band_rate + jump * inflated)[:, None]
 
-    # Its change by the tube: by the mean derivatives between the motion and the arm.
+    # The torque's change by the tube: by the mean derivatives between the motion and the arm.
     stiffness = at.stiffness + cover.stiffness_change(model=False)
     coriolis = at.coriolis + cover.coriolis_change(0.5 * tube.speed, 0.5 * tube.speed_norm)
     band_tube = (np.sum(stiffness * tube.position, axis=1) + coriolis * tube.speed_norm * grown) * grown
     band_tube = band_tube + (2.0 * cell.whole * cell.drift + cell.drift**2) * inflated * band
 
-    # The rate of E along the arm's own motion, and that of M0⁻¹ E.
+    # The rate of E along the motion; the rates along the arm's own motion and of M0⁻¹ E follow below.
     growth = at.growth + cover.coriolis_moved
 
     # E itself: its change along the motion and by the tube, and that of M0⁻¹.

@@ -1,8 +1,8 @@
 """Bounds of the arm's geometry over the cells of a motion and a tube around it.
 
-Each quantity is known at the centre of a cell; its change over the cell and the tube is bounded by Taylor's theorem
-with the derivatives of Y along the motion, which are exact at the centre, and by `‖∂_i … ∂_k Y x‖ <= B_k ‖x‖` for the
-rest, with k the outermost joint of the derivative (body_points.py).
+Each quantity is exact at the centre of a cell. Its change over the cell and the tube is bounded by Taylor's theorem.
+The first terms have the derivatives of Y along the motion, exact at the centre. The remainder is bounded by
+`‖∂_i … ∂_k Y x‖ <= B_k ‖x‖`, with k the outermost joint of the derivative (body_points.py).
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """Deviation of the arm and of the model's arguments from the motion in each cell; vectors [N n], norms [N].
+    """Largest deviations from the motion in each cell, of the arm and of the state at which the model is evaluated.
 
-    - `position`: position of the arm and of where the model is evaluated, |q - q_d|.
-    - `speed`: |q̇ - q̇_d| of the arm; `model_speed`: of where the model is evaluated; `speed_norm`, `model_norm`: in
-      the metric.
-    - `command`: |s|; `command_norm`: in the metric. `acceleration`, `acceleration_norm`: of the arm's ë less s.
+    Vectors are [cells n], norms in the metric [cells].
+
+    - `position`: |q - q_d| of the arm and of the model's state.
+    - `speed`, `speed_norm`: |q̇ - q̇_d| of the arm, and its norm.
+    - `model_speed`, `model_norm`: |q̇ - q̇_d| of the model's state, and its norm.
+    - `command`, `command_norm`: |s|, and its norm.
+    - `acceleration`, `acceleration_norm`: size of the arm's ë less s, and its norm.
     """
 
     position: Floats
@@ -43,7 +46,7 @@ class Tube:
 
     @classmethod
     def none(cls, cells: PathCells) -> Tube:
-        """Return the tube of no width."""
+        """Return the tube of width 0, which is the motion itself."""
         nothing = np.zeros_like(cells.speed)
         return cls(
             nothing, nothing, nothing[:, 0], nothing, nothing[:, 0], nothing, nothing[:, 0], nothing, nothing[:, 0]
@@ -51,13 +54,18 @@ class Tube:
 
 
 class PointCell:
-    """A set of points over the cells and the tube around them, as norms in the metric of the centres.
+    """Bounds of a set of points over each cell and the tube around it, as norms in the metric at the cell's centre.
 
-    - `half`: half the length of a cell and half a period, since the model is evaluated up to that far from an instant.
-    - `size`, `whole`: of Y, at the centre and in the cell. `first`, `second`, `third`: of its derivatives by time, on
-      the motion. `drift`, `along`: change of Y by the tube, and altogether.
-    - `grown`: factor of a vector's norm from the actual metric; `jump`, `jerk`: norms of the acceleration's jumps and
-      of the jerk in it; `reach`: of Y in it. `Cell` sets these.
+    - `half`: half the length of a cell plus half a period, since the model is evaluated up to half a period away.
+    - `size`, `whole`: norm of Y at the centre, and over cell and tube.
+    - `first`, `second`, `third`: norms of Y's time derivatives along the motion.
+    - `drift`, `along`: norm of the change of Y by the tube, and over cell and tube together.
+
+    `Cell` sets these fields:
+
+    - `grown`: factor that bounds a vector's norm at the centre by its norm in the actual metric.
+    - `jump`, `jerk`: norms of the acceleration's jumps and of the jerk in the actual metric; `reach`: norm of Y in the
+      actual metric.
     """
 
     grown: Floats
@@ -85,23 +93,23 @@ class PointCell:
 
     @cached_property
     def wide(self) -> tuple[Floats, Floats]:
-        """|q̇| of the arm and where the model is evaluated [N n]."""
+        """Bounds of |q̇| for the arm and for the model's state, each [cells n]."""
         return self.speed + self.tube.speed, self.speed + self.tube.model_speed
 
     @cached_property
     def moved(self) -> Floats:
-        """Norm of the change of Ẏ by the position's tube [N]."""
+        """Norm of the change of Ẏ by the position's tube [cells]."""
         return self.sums(self.tube.position, self.speed)
 
     @cached_property
     def slopes(self) -> tuple[Floats, Floats]:
-        """Norms of Ẏ_v for the tubes of the arm's velocities and the model's [N]."""
+        """Norms of `Ẏ_v`, as in `slope`, for the tube of the arm's velocities and of the model's, each [cells]."""
         tube = self.tube
         return self.slope(tube.speed, tube.speed_norm), self.slope(tube.model_speed, tube.model_norm)
 
     @cached_property
     def bend_rate(self) -> Floats:
-        """Norm of the rate of `X⃛` without its share of the jerk [N]."""
+        """Norm of the rate of `X⃛` without its share of the jerk [cells]."""
         speed, acceleration, vectors = self.speed, self.acceleration, self.vectors
         return (
             vectors(speed, speed, speed, speed)
@@ -112,22 +120,22 @@ class PointCell:
 
     @cached_property
     def bend(self) -> Floats:
-        """Norm of `X⃛` without its share of the jerk, on the motion [N]."""
+        """Norm of `X⃛` without its share of the jerk, on the motion [cells]."""
         return np.linalg.norm(self.at.bend, axis=1) + self.half * self.bend_rate + 3.0 * self.first * self.jump
 
     @cached_property
     def jerked(self) -> Floats:
-        """Norm of X⃛ on the motion [N]."""
+        """Norm of X⃛ on the motion [cells]."""
         return self.bend + self.reach * self.jerk
 
     @cached_property
     def force(self) -> Floats:
-        """Norm of `Ẍ - g` on the motion [N]."""
+        """Norm of `Ẍ - g` on the motion [cells]."""
         return np.linalg.norm(self.at.force, axis=1) + self.half * self.jerked + self.reach * self.jump
 
     @cached_property
     def forces(self) -> tuple[Floats, Floats]:
-        """Norms of its changes by the tubes of the arm and of the model [N]."""
+        """Norms of the change of `Ẍ - g` by the tube, for the arm and for the model's state, each [cells]."""
         tube, place = self.tube, self.tube.position
         results = []
         for wide, slope, norm in zip(self.wide, self.slopes, (tube.speed_norm, tube.model_norm), strict=True):
@@ -137,13 +145,13 @@ class PointCell:
 
     @cached_property
     def turned(self) -> Floats:
-        """Norms of the changes of `∂_j Y` over cell and tube [N n]."""
+        """Norms of the changes of `∂_j Y` over cell and tube [cells n]."""
         gone = self.half * self.speed + self.tube.position
         return self.sums_each(gone)
 
     @cached_property
     def coriolis_moved(self) -> Floats:
-        """Norm of the change of `2 YᵀẎ` over the cell, on the motion [N]."""
+        """Norm of the change of `2 YᵀẎ` over the cell, on the motion [cells]."""
         half, whole = self.half, self.whole
         return half * (
             self.at.coriolis_rate
@@ -152,14 +160,19 @@ class PointCell:
         )
 
     def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
-        """Norm of the change of `2 YᵀẎ` over cell and tube, for velocities of the tube of these sizes and norm [N]."""
+        """Return the norm of the change of `2 YᵀẎ` over cell and tube [cells].
+
+        - `speed`, `norm`: sizes and norm of the velocity's deviation in the tube.
+        """
         moved = self.drift * self.first + self.whole * self.moved + self.turn(speed, norm)
         return self.coriolis_moved + 2.0 * moved
 
     def stiffness_change(self, model: bool) -> Floats:
-        """Norms of the changes of the columns of P over cell and tube, without s [N n].
+        """Return the norms of the changes of P's columns over cell and tube, without the share of s [cells n].
 
-        - `model`: True for the tube of where the model is evaluated; False for that of the arm.
+        P is the derivative of the inverse dynamics by q.
+
+        - `model`: True for the tube of the model's state; False for the arm's.
         """
         half, cells, vectors = self.half, self.path.cells, self.vectors_each
         wide, force = self.wide[int(model)], self.forces[int(model)]
@@ -181,46 +194,48 @@ class PointCell:
         )
 
     def slope(self, speed: Floats, norm: Floats) -> Floats:
-        """Norm of Ẏ_v for velocities v of these sizes and this norm [N]."""
+        """Return a bound of the norm of `Ẏ_v = Σ_j v_j ∂_j Y` [cells], for |v_j| <= `speed` and ‖v‖ <= `norm`."""
         return self.least(self.at.slopes, self.at.slopes_norm, speed, norm) + self.crossed(speed)
 
     def turn(self, speed: Floats, norm: Floats) -> Floats:
-        """Norm of `Yᵀ Ẏ_v` [N]."""
+        """Return a bound of the norm of `Yᵀ Ẏ_v` [cells], with v as in `slope`."""
         least = self.least(self.at.turning, self.at.turning_norm, speed, norm)
         return least + self.along * self.sums(speed) + self.whole * self.crossed(speed)
 
     def least(self, by_joint: Floats, by_norm: Floats, speed: Floats, norm: Floats) -> Floats:
-        """The smaller of two bounds of a sum over the joints, for velocities of these sizes and this norm [N]."""
+        """Return the smaller of two bounds of a sum over the joints [cells]: by each joint's speed, and by the norm."""
         return np.minimum(np.sum(speed * by_joint, axis=1), norm * by_norm * self.grown)
 
     def crossed(self, speed: Floats) -> Floats:
-        """Norm of the change of Ẏ_v over cell and tube [N]."""
+        """Return a bound of the norm of Ẏ_v's change over cell and tube [cells]."""
         return self.half * self.sums(self.speed, speed) + self.sums(self.tube.position, speed)
 
     def sums(self, *each: Floats) -> Floats:
-        """`Σ B_max(i, …, k) a_i … b_k` [N], a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` for ‖x‖ = 1."""
+        """Return `Σ B_max(i, …, k) a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` for ‖x‖ = 1."""
         return _sums(self.outer, each)
 
     def vectors(self, *each: Floats) -> Floats:
-        """`Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [N], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`."""
+        """Return `Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`."""
         return _sums(self.own, each)
 
     def sums_each(self, *each: Floats) -> Floats:
-        """`sums` of a unit vector and these, for the unit vector of each joint [N n]."""
+        """Return `sums` with a further factor: the unit vector of each joint in turn [cells n]."""
         return _sums_each(self.outer, each)
 
     def vectors_each(self, *each: Floats) -> Floats:
-        """`vectors` of a unit vector and these, for the unit vector of each joint [N n]."""
+        """Return `vectors` with a further factor: the unit vector of each joint in turn [cells n]."""
         return _sums_each(self.own, each)
 
 
 class Cell(PointCell):
-    """The nominal arm over the cells and the tube.
+    """Bounds for the nominal arm over each cell and the tube.
 
-    - `shift`: change of M0 relative to the centre's; `rest`: its share but for Ṁ0 at the centre.
-    - `inflated`: factor of a bilinear form from the metric of the centre to the actual one.
-    - `diagonal`, `weight`: √(M0)_ii at the centre, and its largest value [N n]; `inertia`: |M0| by element [N n n].
-    - `cover`: the points of the region's cover.
+    - `shift`: norm of M0's change from the centre, relative to M0 there; `rest`: the same without the share of Ṁ0 at
+      the centre.
+    - `inflated`: factor that bounds a bilinear form's norm in the actual metric by its norm at the centre.
+    - `diagonal`, `weight`: √(M0)_ii at the centre, and its largest value [cells n].
+    - `inertia`: |M0| by element [cells n n].
+    - `cover`: bounds for the points of the region's cover.
     """
 
     def __init__(self, path: Path, tube: Tube) -> None:
@@ -234,7 +249,7 @@ class Cell(PointCell):
         )
         self.rest = half**2 * (first**2 + self.second * whole) + by_tube
         self.shift = half * path.change + self.rest
-        # `suprema` refuses a larger change.
+        # For a larger change `suprema` returns None.
         self.inflated = 1.0 / (1.0 - np.minimum(self.shift, 0.5))
         self.diagonal = np.sqrt(np.diagonal(path.mass, axis1=1, axis2=2))
         self.inertia = np.abs(path.mass) + half * np.abs(path.rate)
@@ -249,31 +264,36 @@ class Cell(PointCell):
             points.jerk = size_in(path.cells.jerk, self.inertia)
 
     def torques(self, rows: Floats, shift: Floats) -> Floats:
-        """Largest `|A x|_i` over all x of norm 1 [N n].
+        """Return the largest `|A x|_i` over all x of norm 1 [cells n].
 
-        - `rows`: that of the centres [N n], with what is known there of its change.
-        - `shift`: norm of A's further change [N].
+        - `rows`: the same at the centres, including the change of A to first order [cells n].
+        - `shift`: norm of A's further change [cells].
         """
         return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
 
     @cached_property
     def coriolis_shift(self) -> Floats:
-        """Norm of the change of `2 C(q, v)` over cell and tube, for the mean v of the arm's and the model's [N]."""
+        """Norm of the change of `2 C(q, v)` over cell and tube [cells].
+
+        v is the mean of two velocities: the arm's, and the velocity at which the model is evaluated.
+        """
         tube = self.tube
         return self.coriolis_change(0.5 * (tube.speed + tube.model_speed), 0.5 * (tube.speed_norm + tube.model_norm))
 
     @cached_property
     def stiffness_shift(self) -> Floats:
-        """Norms of the changes of the columns of P over cell and tube, without s [N n]."""
+        """Norms of the changes of P's columns over cell and tube, for the model's state, without s [cells n]."""
         return self.stiffness_change(True)
 
 
 def _outer(bodies: BodyPoints, at: PointNorms, conversion: Floats, box: Floats) -> tuple[Floats, Floats]:
-    """B_k and ‖∂_k X‖ for all positions within a box around the centre [N n].
+    """Return B_k and ‖∂_k X‖, each as a bound over all positions in a box around the centre [cells n].
 
-    With `x = Σ x_l e_l` and k the outermost joint of a derivative, ‖∂_i … ∂_k Y x‖ is at most the size of the columns
-    from k on and ‖∂_k X‖ times the sum of all |x_l| before. Joints before k move the points that k moves as a rigid
-    body; only those behind k change the two norms.
+    Let k be the outermost joint of a derivative. B_k bounds `‖∂_i … ∂_k Y x‖` for ‖x‖ = 1 by two parts: the columns of
+    k and the joints that it carries, and ‖∂_k X‖ times the sum of |x_l| over the joints that carry k. A joint that
+    carries k moves the points of k as a rigid body. So only joints that k carries change the two norms.
+
+    - `box`: half widths of the box [cells n]. `conversion`: largest coordinates of a vector of norm 1 [cells n].
     """
     outer, own = at.outer.copy(), at.own.copy()
     n = own.shape[1]
@@ -292,14 +312,14 @@ def _sums(weights: Floats, each: tuple[Floats, ...]) -> Floats:
 
 
 def _sums_each(weights: Floats, each: tuple[Floats, ...]) -> Floats:
-    # With a unit vector of joint j, the products begin at j.
+    # With the unit vector of joint j as a factor, the products are 0 before j.
     product = _up_to(each)
     steps = weights * np.diff(product, axis=1, prepend=0.0)
     return np.asarray(np.cumsum(steps[:, ::-1], axis=1)[:, ::-1] - steps + weights * product)
 
 
 def _up_to(each: tuple[Floats, ...]) -> Floats:
-    """The product of sums over all joints up to each one."""
+    """Return, for each joint, the product of the factors' sums over all joints up to that joint."""
     product = np.cumsum(each[0], axis=1)
     for values in each[1:]:
         product = product * np.cumsum(values, axis=1)

@@ -1,8 +1,12 @@
 """Suprema over a parameter region at the centres of a motion's cells.
 
-With T the torque `E q̈ + Δn` of an error of the parameters, linear in it: over the ellipsoid a torque is `T = A ξ`, and
-`|T|_i <= |A_i|`, `‖M0⁻¹ T‖ <= ‖Gᵀ A‖` with `M0⁻¹ = G Gᵀ`; for a matrix `Σ ξ_r B_r` the norm is at most that of all B_r
-next to each other. Over the cover, T is at most `Σ_b ‖Y_b x‖ ‖F_b‖` in the direction x. The smaller of both counts.
+T is the torque `E q̈ + Δn` of an error of the parameters, and is linear in this error.
+
+- Over the ellipsoid `T = A ξ`. So `|T|_i <= |A_i|`, and `‖M0⁻¹ T‖ <= ‖Gᵀ A‖` with `M0⁻¹ = G Gᵀ`. A matrix `Σ ξ_r B_r`
+  has at most the norm of all B_r side by side.
+- Over the cover, T is at most `Σ_b ‖Y_b x‖ ‖F_b‖` in the direction x.
+
+The smaller of the two bounds is used.
 """
 
 from __future__ import annotations
@@ -23,19 +27,19 @@ Floats = NDArray[np.float64]
 
 
 CHUNK = 32
-"""Cells whose matrices are held at once: so few that they stay in the cache."""
+"""Cells that are computed at once: so few that their matrices fit in the CPU's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionNorms:
-    """Suprema at the centres, norms in the metric of M0 there.
+    """Suprema over a parameter region at the centres; norms are in the metric of M0 there.
 
-    - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [N n]; `force`: norm of M0⁻¹ T [N].
-    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [N]; `torque_rate`: that rate per joint [N n].
-    - `coriolis`: norm of `∂T/∂q̇` [N]; `stiffness`: norms of the columns of `∂T/∂q` [N n].
-    - `growth`: norm of Ė [N]; `slopes`: norms of ∂_j E [N n].
-    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [N n n]; `error_rows`, `error_rates`: largest of
-      `(E x)_i` and `(Ė x)_i` over all x of norm 1 [N n].
+    - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [cells n]; `force`: norm of M0⁻¹ T [cells].
+    - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [cells]; `torque_rate`: that rate per joint [cells n].
+    - `coriolis`: norm of `∂T/∂q̇` [cells]; `stiffness`: norms of the columns of `∂T/∂q` [cells n].
+    - `growth`: norm of Ė [cells]; `slopes`: norms of ∂_j E [cells n].
+    - `error`, `relative`: |E|_ij and |M0⁻¹ E|_ij by element [cells n n]; `error_rows`, `error_rates`: largest of
+      `(E x)_i` and `(Ė x)_i` over all x of norm 1 [cells n].
     """
 
     torque: Floats
@@ -93,7 +97,7 @@ class RegionNorms:
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
     """Return the suprema over the ellipsoid, by the names of `RegionNorms`."""
-    # The arm at rest after the motion is the same in all cells.
+    # All cells at rest after the motion have the same suprema.
     cells, count = path.cells, path.cells.moving + 1
     parts = [_over_ellipsoid(path, slice(start, min(start + CHUNK, count))) for start in range(0, count, CHUNK)]
     which = np.minimum(np.arange(len(cells.q)), count - 1)
@@ -101,7 +105,7 @@ def over_ellipsoid(path: Path) -> dict[str, Floats]:
 
 
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
-    """The suprema in some cells.
+    """Return the suprema over the ellipsoid in the cells `some`.
 
     With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
     """
@@ -120,17 +124,20 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
     stiffness = bent + products.second
 
     def largest(columns: Floats) -> Floats:
-        """The largest norm of the columns' combinations: of all of them next to each other [N]."""
+        """Return the largest norm of a combination `A ξ` with |ξ| <= 1 [cells], from the columns of A."""
         return spectral_norm(columns.reshape(len(columns), n, -1).swapaxes(1, 2))
 
     def largest_form(forms: Floats) -> Floats:
-        """The same for `Gᵀ B_r G`, from B_r [N n n r]: the root of the norm of `Gᵀ (Σ B_r M0⁻¹ B_rᵀ) G`."""
+        """Return a bound of the norm of `Σ ξ_r Gᵀ B_r G` [cells] for |ξ| <= 1, from B_r [cells n n r].
+
+        The bound is the root of the norm of `Gᵀ (Σ B_r M0⁻¹ B_rᵀ) G`.
+        """
         right = (inverse[:, None] @ forms).reshape(count, n, -1)
         square = transposed @ (forms.reshape(count, n, -1) @ right.swapaxes(1, 2)) @ root
         return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[:, -1], 0.0))
 
     def largest_rows(rows: Floats) -> Floats:
-        """The same for the torques of each joint, [N n] from [N n n r]."""
+        """Return `largest` for each joint's matrix, [cells n] from [cells n n r]."""
         return largest((transposed[:, None] @ rows).reshape(count * n, n, -1)).reshape(count, n)
 
     coriolis, slopes = np.zeros_like(error), []
@@ -162,10 +169,10 @@ def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
 class _Products:
     """Inner products of fields for each of the r axes of an ellipsoid; F is `Ẍ - g`.
 
-    - `inertia`: `∂_jX · ∂_kX`; `second`: `∂_jẌ · ∂_kX` [N n n r].
-    - `turned`: `Σ ∂_kX × ∂_iX` [N 3 n n r], of which `(z × ∂_kX) · ∂_iX` is the product with z; `bent`: `Σ ∂_kX × F`
-      [N 3 n r].
-    - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [N n r].
+    - `inertia`: `∂_jX · ∂_kX`; `second`: `∂_jẌ · ∂_kX` [cells n n r].
+    - `turned`: `Σ ∂_kX × ∂_iX` [cells 3 n n r]; its product with an axis z is `(z × ∂_kX) · ∂_iX`.
+    - `bent`: `Σ ∂_kX × F` [cells 3 n r].
+    - `force`, `bend`: `∂_jX` times F, and times the rate of F without the jerk [cells n r].
     """
 
     inertia: Floats
@@ -177,7 +184,7 @@ class _Products:
 
 
 def _products(path: Path, some: slice) -> _Products:
-    """The products in some cells. A product of derivatives needs only the bodies behind their outermost joint c."""
+    """Return the products in the cells `some`. Only the bodies that the outermost joint c carries count."""
     frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
     y, _, y2 = (part[some] for part in frames.columns)
     force = frames.acceleration[some, None]
@@ -217,23 +224,27 @@ class _Contraction:
     weights: Floats
 
     def __call__(self, field: Floats, others: Sequence[Floats]) -> Floats:
-        """Return `Σ_b tr(a_b J_r b_bᵀ)` for a field a [N n 4 3] and all others b [N . n 4 3], as [N b r]."""
+        """Return `Σ_b tr(a_b J_r b_bᵀ)` [cells others r] over bodies b, for a field a and each of the other fields b.
+
+        - `field`: a [cells n 4 3]. `others`: parts of the other fields, each [cells parts n 4 3].
+        """
         right = np.concatenate([other[:, :, self.bodies] for other in others], axis=1)
         moments = field[:, None, self.bodies] @ right.swapaxes(-1, -2)
         return np.asarray(moments.reshape(*moments.shape[:2], -1) @ self.weights)
 
 
 def _relative_slopes(path: Path) -> tuple[Floats, Floats]:
-    """Norms of `∂_j Y` of the cover [N n], and of `Σ_j q̇_j ∂_j Y` [N], less common rotations where that leaves less.
+    """Return the norms of `∂_j Y` [cells n] and `Σ_j q̇_j ∂_j Y` [cells] for the cover, less common rotations.
 
-    A common rotation of all bodies about joint j's axis z changes no inner product.
+    A common rotation of all bodies about joint j's axis z changes no inner product. It is subtracted where this makes
+    the norm smaller.
     """
     pairs, y, y1 = path.pairs, path.cover.columns[0], path.cover.columns[1]
     products = path.cover_moments.slopes_products
     (count, _, n), known = y.shape, pairs.known
     least = np.empty((count, n))
     for j in range(n):
-        # Of ∂_j∂_k X and of z_j × ∂_k X.
+        # Squared norm of ∂_j∂_k X - z_j × ∂_k X, from the products of the two.
         own = products[:, pairs.inner[j], pairs.outer[j]] * known[j][:, None, None]
         both, common = own[:, :, j], products[:, j, :, j]
         square = own[:, :, pairs.inner[j], pairs.outer[j]] * known[j] - both - both.swapaxes(1, 2) + common

@@ -1,4 +1,7 @@
-"""Certified tracking error of an identified arm along a motion."""
+"""Certified tracking error of an identified arm along a motion.
+
+`certified_law.py` derives the inputs from a scenario, and has the bound of the encoders' noise (`SIGMAS`).
+"""
 
 from __future__ import annotations
 
@@ -30,22 +33,24 @@ NAME = "tracking_bound"
 TITLE = "tracking error along the motion"
 
 WIDEST = 0.05
-"""rad or m: larger error bounds are of no use and not looked for."""
+"""rad or m: the search for an error bound stops above this value."""
 
 FINER = 4
-"""Cells are divided by this number where there is no bound with long ones."""
+"""If no bound exists with the default cells, the search is repeated with cells shorter by this factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmUncertainty:
-    """Uncertainty of the true arm, its sensors and its surroundings; numbers, or one per joint.
+    """Uncertainty of the true arm, its sensors and its surroundings. Each value is a scalar or one value per joint.
 
-    - `band`: band of the inertial parameters and the rotors; `identified` makes one of an identified arm.
-    - `coulomb`: largest Coulomb friction that is not compensated, N m or N. A feed-forward of it may have the wrong
-      sign near a reversal: with one, give the largest friction plus the feed-forward.
+    - `band`: band of the inertial parameters and the rotors; `identified` takes it from an identification.
+    - `coulomb`: largest Coulomb friction that is not compensated, N m or N. With a feed-forward of Coulomb friction,
+      give the largest friction plus the feed-forward: near a reversal the feed-forward may have the wrong sign.
     - `viscous_error`: largest error of the viscous friction that the law feeds forward, N m s/rad or N s/m.
-    - `torque`: largest disturbance torque of any form, N m or N; `torque_rate`: its largest rate, N m/s; None for any.
-    - `resolution`: resolution of the encoders, rad or m; their error is at most half of it.
+    - `torque`: largest disturbance torque of any form, N m or N.
+    - `torque_rate`: largest rate of the disturbance torque, N m/s or N/s; None if the rate has no bound.
+    - `resolution`: resolution of the encoders plus the range of their noise, peak to peak, rad or m. The error of a
+      measured position is at most half of this value.
     - `start_error`, `start_speed`: largest |e| and |ė| when the motion starts.
     - `settled`: True if the law has held the arm at rest before; False if its disturbance estimate starts from 0.
 
@@ -72,10 +77,11 @@ class ArmUncertainty:
     def identified(cls, arm: Articulated, band: Band, **others: Any) -> ArmUncertainty:
         """Return the uncertainty of an identified arm: its band, and the intervals of its friction.
 
-        Rotors are a part of the band's ellipsoid. Without intervals of friction, give `coulomb` and `viscous_error`.
+        The band's ellipsoid includes the rotors. If the band has no friction intervals, give `coulomb` and
+        `viscous_error`.
 
-        - `arm`: the identified arm, which is the nominal one; `band`: its band, as `Identification.band`.
-        - `others`: further values, such as `resolution`; they take the place of the intervals.
+        - `arm`: the identified arm, which is the nominal arm; `band`: its band, as `Identification.band`.
+        - `others`: further fields, such as `resolution`. A `coulomb` or `viscous_error` here replaces the interval.
 
         Raises DefinitionError as `identified_region` does.
         """
@@ -94,9 +100,9 @@ class ArmUncertainty:
         return self.band.region(bodies) if isinstance(self.band, BodyBand) else self.band
 
     def inputs(self, arm: Articulated) -> Inputs:
-        """Return the values per joint.
+        """Return the bounds as arrays with one value per joint; `band` is left out.
 
-        Raises DefinitionError if a list is not as long as the arm has joints.
+        Raises DefinitionError if a list does not have one value per joint.
         """
 
         def joints(name: str) -> Floats:
@@ -104,7 +110,8 @@ class ArmUncertainty:
             value = np.asarray(np.inf if value is None else value, float)
             if value.shape not in ((), (arm.joints,)):
                 raise DefinitionError(
-                    f"`ArmUncertainty.{name}` must be one number or {arm.joints}, one per joint; got {value.size}"
+                    f"`ArmUncertainty.{name}` must be one number or {arm.joints} numbers (one per joint); got "
+                    f"{value.size}"
                 )
             return np.broadcast_to(value, (arm.joints,))
 
@@ -123,7 +130,7 @@ class ArmUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedPath:
-    """The bounds along a motion, with what they were computed from."""
+    """The bounds along a motion, and the loop, path and uncertainty that they were computed from."""
 
     loop: JointLoop
     path: Path = field(repr=False)
@@ -149,12 +156,12 @@ def certified_path(
 ) -> CertifiedPath:
     """Compute the error bounds along a motion.
 
-    - `arm`: the nominal arm that the law knows, with its payload.
+    - `arm`: the law's nominal arm, with its payload.
     - `motion`: a piecewise polynomial that ends at rest, or a smooth motion.
     - `loop`: loop of every joint.
-    - `bodies`: bodies of the arm, if they are known already.
+    - `bodies`: bodies of the arm, if already computed.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
-    - `until`: time up to which a motion without an end is bounded [s].
+    - `until`: end of the bounded time, for a motion without an end [s].
 
     Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
     """
@@ -175,14 +182,14 @@ def certified_path(
             break
     if solution is None:
         raise DefinitionError(
-            f"the inertia of the arm changes by more than half of itself within {2e3 * cells.half:.3g} ms of the "
-            "motion; slow it down"
+            f"the arm's inertia changes too fast along the motion: by more than half within {2e3 * cells.half:.3g} ms, "
+            "or faster than the loop settles; slow the motion down"
         )
     return CertifiedPath(loop, path, uncertainty, inputs, solution)
 
 
 def _largest_term(bounds: Bounds) -> str:
-    """The term with the largest share of the largest error."""
+    """The name of the term with the largest share of the largest error bound."""
     at = np.unravel_index(int(np.argmax(bounds.error)), bounds.error.shape)
     return max(bounds.terms, key=lambda name: float(bounds.terms[name][at]))
 
@@ -198,11 +205,12 @@ def motion_bound(
 ) -> Verdict:
     """Certify the largest tracking error along a motion, for every arm in the band.
 
-    The law is computed torque with the same loop in all joints and its model at the middle of the period; see
-    `joint_loop.JointLoop`. The verdict's bound has `error` and `velocity` per joint, `terms`, the shares of the error
-    where it is largest, and the error bound over time.
+    The law is computed torque with the same loop in all joints; it evaluates its model at the middle of the period (see
+    `joint_loop.JointLoop`). The verdict's `bound` has `error` and `velocity` per joint, and `terms`: the shares of the
+    error bound, by cause, where the bound is largest. `error_over_time` is the error bound in each cell, and `times`
+    are the times at which the cells begin.
 
-    - `allowed`: largest error that is allowed, one number or [n], rad or m; None to compute the bound only.
+    - `allowed`: largest allowed error, a scalar or [n], rad or m; None to compute the bound only.
 
     Raises DefinitionError as `certified_path` does.
     """
@@ -218,9 +226,10 @@ def verdict_of(
         Assumption("no torque or torque rate limit acts, and the gate rejects no sample", "assumed"),
     ),
 ) -> Verdict:
-    """Return the verdict of error bounds.
+    """Return the verdict for the error bounds along a motion.
 
-    - `premises`: further assumptions on which they stand.
+    - `allowed`: largest allowed error, a scalar or [n], rad or m; None if any verified bound will do.
+    - `premises`: further assumptions that the verdict lists.
     """
     bounds, cells = certified.bounds, certified.path.cells
     error = bounds.error.max(axis=0)
@@ -259,7 +268,7 @@ def verdict_of(
 
 def _growth(dominating: str) -> Assumption:
     return Assumption(
-        f"the inequalities have a fixed point: they enlarge every bound below {WIDEST:g} rad, mostly by {dominating}",
+        f"some bound satisfies all inequalities: they enlarge every bound below {WIDEST:g} rad, mostly by {dominating}",
         "fails",
     )
 
@@ -277,5 +286,5 @@ def _assumptions(certified: CertifiedPath) -> tuple[Assumption, ...]:
             "around the motion, by Taylor's theorem with bounded remainders",
             "proved",
         ),
-        Assumption("the inequalities do not enlarge the bounds, so that no error leaves them first", "proved"),
+        Assumption("the bounds satisfy all inequalities, so that no error exceeds its bound first", "proved"),
     )

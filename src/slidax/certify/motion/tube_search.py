@@ -1,4 +1,7 @@
-"""Search for a tube around a motion that contains the bounds which hold in it."""
+"""Search for error bounds along a motion, with a tube that contains them.
+
+The suprema hold in a tube around the motion. So the bounds computed from them hold if they stay inside that tube.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,13 @@ from .path_suprema import Suprema, suprema
 from .path_tube import Tube
 
 TUBES = 16
-"""Tubes that are tried."""
+"""Largest number of tubes in the search."""
 
 PASSES, ROUNDS = 3, 3
-"""Times that verified bounds are tightened by a narrower tube, and rounds in each."""
+"""Number of narrower tubes in which verified bounds are tightened, and rounds of the inequalities in each tube."""
 
 WIDE, WIDE_TUBES = 1.25, 2
-"""Factor on the first tubes that are tried, and their number; the bounds in them are tightened afterwards."""
+"""Factor on the width of the first tubes, and their number; the bounds in them are tightened afterwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,13 @@ class Solution:
 def bounds_along(
     loop: JointLoop, path: Path, inputs: Inputs, *, cap: float = 0.05, hand_over: HandOverCells | None = None
 ) -> Solution | None:
-    """Return the bounds along a path, with a tube that contains them; unverified if there are none below `cap`.
+    """Return the bounds along a path, verified in a tube that contains them.
 
+    The bounds are unverified if there are none below `cap`. The result is None if the inertia changes too much within a
+    cell, or faster than the loop settles.
+
+    - `cap`: largest error bound of the search, rad or m.
     - `hand_over`: the nonlinear part of the law in each cell; None for a linear law.
-
-    None if the inertia changes too much within a cell.
     """
     wide = _in_a_wide_tube(loop, path, inputs, cap, hand_over)
     if wide is not None:
@@ -50,7 +55,7 @@ def bounds_along(
     steps: list[float] = []
     for _ in range(TUBES):
         at = suprema(path, tube)
-        # Norms that grow nearly as fast as the loop forgets leave no bound.
+        # If the metric's norms grow nearly as fast as the loop settles, no bound exists.
         if at is None or np.max(at.growth) > 0.5 * loop.decay:
             break
         problem = Problem(loop, path, inputs, at, tube, hand_over)
@@ -72,7 +77,7 @@ def bounds_along(
 def _in_a_wide_tube(
     loop: JointLoop, path: Path, inputs: Inputs, cap: float, hand_over: HandOverCells | None
 ) -> Solution | None:
-    """Verified bounds by a tube that is wider than what the bounds without a tube need; None if that is none."""
+    """Return verified bounds in a tube that is `WIDE` times as wide as first bounds need; None if there are none."""
     tube, bounds = Tube.none(path.cells), None
     for tries in range(1 + WIDE_TUBES):
         at = suprema(path, tube)
@@ -94,7 +99,7 @@ def _contains(tube: Tube, needed: Tube) -> bool:
 
 
 def _tightened(solution: Solution, needed: Tube) -> Solution:
-    """Bounds by narrower tubes: a tube that the bounds need suffices, and no bound grows."""
+    """Tighten verified bounds in narrower tubes. A tube that contains the bounds suffices, and no bound grows."""
     bounds, last = solution.bounds, solution.problem
     for _ in range(PASSES):
         at = suprema(last.path, needed)
@@ -108,7 +113,10 @@ def _tightened(solution: Solution, needed: Tube) -> Solution:
 
 
 def _ahead(values: list[float]) -> float:
-    """Factor by which a tube is widened: to the limit of a geometric series of its widths, and some more."""
+    """Return the factor by which to widen the next tube.
+
+    The factor extrapolates the largest errors so far as a geometric series, with a margin.
+    """
     if len(values) < 3:
         return 1.01
     last, before = values[-1] - values[-2], values[-2] - values[-3]
@@ -117,9 +125,12 @@ def _ahead(values: list[float]) -> float:
 
 
 def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
-    """Return the tube that contains the arm and the model's arguments within the bounds."""
+    """Return the smallest tube that contains the arm, and the state at which the model is evaluated, within the bounds.
+
+    - `h`: period [s]. `at`: suprema from which the bounds were computed.
+    """
     cells, outputs, norms = path.cells, bounds.outputs, bounds.norms
-    # The reference's own miss at the middle of a period.
+    # Largest difference at mid-period between the velocity planned with the period's mean acceleration and q̇_d.
     missed = h * h / 8.0 * cells.jerk + 0.25 * h * cells.jump
     speed_norm = norms["velocity"] * (1.0 + h * at.growth) + h * (
         norms["acceleration"] + size_in(0.5 * h * cells.jerk + cells.jump, at.inertia)

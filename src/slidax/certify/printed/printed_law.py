@@ -44,7 +44,7 @@ class PowerSurface:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """Quantities of a scenario's `SlidingMode` that its certificates need."""
+    """A scenario's law in printed form, with the quantities that its certificates need."""
 
     scenario: Scenario
     law: SlidingMode
@@ -92,7 +92,7 @@ class PrintedLaw:
 
     @property
     def layer(self) -> float | None:
-        """s0; None for a reaching law without a unit vector."""
+        """s0, the width of the boundary layer; None for a reaching law without a unit vector."""
         reaching = self.law.reaching
         if not isinstance(reaching, FixedTimeReaching | TwoPowerReaching):
             return None
@@ -112,17 +112,17 @@ class PrintedLaw:
         return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
 
     def phi(self, eps: Floats) -> Floats:
-        """Return the surface function φ [N n], rad/s or m/s, with the same ε1 [N] for all joints."""
+        """Return the surface function φ [values n], rad/s or m/s, with the same ε1 [values] for all joints."""
         return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
 
     def slopes(self) -> Floats:
-        """Return the slope of φ at zero [n]."""
+        """Return the slopes of φ at zero [n]."""
         return self._surface(np.zeros((1, self.joints)))[1][0]
 
     def phi_inverse(self, phi: float) -> Floats:
-        """Return upper bounds of the ε with `φ(ε) = phi` [n], too large by at most a factor 1 + 1e-5.
+        """Return for each joint an upper bound of the ε with `φ(ε) = phi` [n], too large by at most a factor 1 + 1e-5.
 
-        - `phi`: rad/s or m/s; the result is 0 for values up to 0.
+        - `phi`: value of φ, rad/s or m/s; for `phi` <= 0 the result is 0.
         """
         if phi <= 0.0:
             return np.zeros(self.joints)
@@ -139,13 +139,13 @@ class PrintedLaw:
         return errors
 
     def radius(self, t: Floats) -> Floats:
-        """Return ρ(t) [N n] at times [N], s; 1 without an envelope."""
+        """Return ρ(t) [times n] at times t [times], s; 1 without an envelope."""
         if self.performance is None:
             return np.ones((len(t), self.joints))
         return np.broadcast_to(self._radius(t)[0].reshape(len(t), -1), (len(t), self.joints))
 
     def psi(self, eps: Floats) -> Floats:
-        """Return `ψ(ε)` [N n] of transformed errors [N n]; ε itself without an envelope."""
+        """Return `ψ(ε)` [values n] of transformed errors [values n]; ε itself without an envelope."""
         return np.asarray(eps, float) if self.sides is None else self._psi(eps)[0]
 
     @cached_property
@@ -197,14 +197,14 @@ GRID_POINTS = 400
 
 
 def masses_at(robot: AbstractRobot, q: Floats) -> Floats:
-    """Return `M(q)` at several positions [N n n]."""
+    """Return `M(q)` at several positions [positions n n]."""
     return inertia_and_bias(robot, np.asarray(q, float), np.zeros_like(q))[0]
 
 
 def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tuple[Assumption, ...]:
     """Return the assumptions of continuous time, exact measurements, unlimited torque and a start in the envelope.
 
-    - `unit_vector`: adds the unit vector (44), for a certificate that does not hold with the layer of (51).
+    - `unit_vector`: True to require the unit vector (44), for a certificate that does not hold with the layer of (51).
     """
     scenario, plant = printed.scenario, printed.scenario.plant
     own = getattr(plant, "own", plant)

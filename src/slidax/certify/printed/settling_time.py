@@ -29,7 +29,7 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
 
         Γ(m) Γ(1-m) / (a (q-p)) · (a/b)^m · I_{y/(1+y)}(m, 1-m),
 
-    I the regularised incomplete beta function, which is 1 for X = ∞: the supremum over all starts (R. Aldana-López,
+    with I the regularised incomplete beta function. I is 1 for X = ∞: the supremum over all starts (R. Aldana-López,
     D. Gómez-Gutiérrez, E. Jiménez-Rodríguez, J. D. Sánchez-Torres, M. Defoort, International Journal of Robust and
     Nonlinear Control 29, 2019). Either gain may be 0; the time may then be infinite.
 
@@ -118,7 +118,7 @@ def settling_time(scenario: Scenario) -> Verdict:
         "." if deadline is None else f"; the envelope itself is ±ρ∞ from t = {joint_values(deadline)} s on (20)."
     )
     if not holds:
-        statement = f"Only the values of the formulas: one of their assumptions fails. {statement}"
+        statement = f"These values are not proved, since an assumption of the formulas fails. {statement}"
     margin = float(1.0 - np.max(times.given_start / times.printed)) if holds else None
     return Verdict(*SETTLING_TIME, holds, margin, bounds, assumptions, statement, _remedies(assumptions))
 
@@ -133,7 +133,7 @@ class _Times:
 
     @property
     def excess(self) -> float:
-        """K of (45): u exceeds the bound of the uncertainty by K."""
+        """K of (45), by which u exceeds the bound of the uncertainty."""
         return float(self.bound.margin)
 
     @cached_property
@@ -151,7 +151,7 @@ class _Times:
 
     @property
     def stated(self) -> float:
-        """`2/(m1+m2)`."""
+        """`2/(m1+m2)`, the nominal inertia that follows from the law's bounds of ‖M⁻¹‖."""
         return 2.0 / float(self.bound.inverse_inertia_min + self.bound.inverse_inertia_max)
 
     @property
@@ -164,7 +164,7 @@ class _Times:
 
     @property
     def radius(self) -> Floats:
-        """ρ0, [n]; 2 without an envelope, where β = 1."""
+        """ρ0, [n]; 2 without an envelope, so that β = 1."""
         performance, n = self.printed_law.performance, self.printed_law.joints
         return np.broadcast_to(2.0 if performance is None else np.asarray(performance.initial), n)
 
@@ -222,7 +222,10 @@ class _Times:
         return np.array([self._core_time(joint, reached, furthest[joint]) for joint in range(len(s))])
 
     def _core_time(self, joint: int, begin: float, eps: float) -> float:
-        """Return a bound of the time at which a joint is in its core, s, if s = 0 and |ε1| <= `eps` from `begin` on."""
+        """Return a bound of the time at which a joint reaches its core [s].
+
+        From the time `begin` on, s = 0 and |ε1| <= `eps`.
+        """
         law, delta = self.printed_law, float(self.powers.delta[joint])
 
         def phi(x: Floats) -> Floats:
@@ -240,7 +243,7 @@ class _Times:
 
 
 def _end_time(radius: Any, begin: float, scaled: float) -> float:
-    """Return an upper bound of the time until which `∫ dt/ρ` from `begin` is `scaled`, s.
+    """Return an upper bound of the time at which `∫ dt/ρ` from `begin` reaches `scaled` [s].
 
     Left rectangles underestimate the integral, since ρ decreases.
     """
@@ -274,7 +277,7 @@ def _premises(times: _Times) -> tuple[Assumption, ...]:
             "and (64) omits its rate"
         )
         assumptions.append(Assumption(text, "fails", times.spread))
-    text = "the torque that the model lacks is at most b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `robust_torque`"
+    text = "the lumped uncertainty is at most b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖ (19), see `uncertainty_bound`"
     return (*assumptions, Assumption(text, "assumed"))
 
 

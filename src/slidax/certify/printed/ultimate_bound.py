@@ -29,13 +29,14 @@ SAME = 1e-9
 def ultimate_bound(scenario: Scenario) -> Verdict:
     """Bound the error once s is small, under (51) and a bounded disturbance.
 
-    If the nominal inertia is the arm's own, and D the uncompensated bias, friction and disturbance, `V = ½ sᵀ M s`
-    decreases where `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`, that is, between the two roots σ1 < σ2 of
+    Let the nominal inertia be the arm's own, and D the uncompensated bias, friction and disturbance. Then
+    `V = ½ sᵀ M s` decreases where `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`. This holds for ‖s‖ between the two roots
+    σ1 < σ2 of
 
         ½ ‖Ṁ‖ σ² + (‖D‖ + ½ ‖Ṁ‖ s0 - u) σ + ‖D‖ s0 = 0.
 
-    If `s̄ = √(λmax(M)/λmin(M)) σ1` is below σ2, then `‖s‖ <= s̄` holds from the first time at which it does. By
-    `ε̇1 = β (s - φ(ε1))` then `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
+    Let `s̄ = √(λmax(M)/λmin(M)) σ1`. If s̄ is below σ2 and `‖s‖ <= s̄` at some time, this holds from then on. Then
+    `ε̇1 = β (s - φ(ε1))` gives `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
@@ -99,13 +100,13 @@ class _Member:
 
     @cached_property
     def mismatch(self) -> float:
-        """Difference of M0 from M along the motion, relative to its size."""
+        """Largest difference between M0 and M along the motion, relative to the largest entry of M."""
         mass, nominal = self.motion.truth[0], self.motion.of_arm(self.printed.law.nominal)[0]
         return float(np.max(np.abs(mass - nominal)) / np.max(np.abs(mass)))
 
     @cached_property
     def residual(self) -> Floats:
-        """‖D‖ along the motion [N]."""
+        """‖D‖ along the motion [times]."""
         mass0, bias0 = self.motion.of_arm(self.printed.law.nominal)
         mass, bias = self.motion.truth
         inertial = np.einsum("kij,kj->ki", mass0 - mass, self.motion.states[2])
@@ -117,11 +118,11 @@ class _Member:
 
     @cached_property
     def share(self) -> float:
-        """Largest `‖D‖/u`, with the part of u that does not depend on the torque."""
+        """Largest `‖D‖/u` along the motion, with u for zero torque."""
         return float(np.max(self.residual / self._u(0.0)))
 
     def _u(self, distance: float, tau: Floats | None = None) -> Floats:
-        """Return a lower bound of u along the motion [N], for states up to `distance` from the reference."""
+        """Return a lower bound of u along the motion [times], for states up to `distance` from the reference."""
         q, dq, _ = self.motion.states
         smaller = [
             value * np.maximum(0.0, 1.0 - distance / np.maximum(np.linalg.norm(value, axis=1), 1e-300))[:, None]
@@ -136,7 +137,7 @@ class _Member:
 
     @cached_property
     def _rates(self) -> tuple[Floats, float]:
-        """‖Ṁ‖ along the motion [N], and a bound of its increase if each joint is faster by 1 rad/s."""
+        """‖Ṁ‖ along the motion [times], and a bound of its increase if each joint is faster by 1 rad/s."""
         robot = self.motion.plant.robot
         slopes = BatchedFunction(jax.jacfwd(robot.mass))(self.motion.states[0])[0]
         rate = np.einsum("kijl,kl->kij", slopes, self.motion.states[1])
@@ -146,7 +147,7 @@ class _Member:
 
     @property
     def estimate(self) -> Floats:
-        """Estimate of |e| [n] by `‖s‖ ≈ s0 ‖D‖/(u - ‖D‖)`, with the whole u; infinite if ‖D‖ reaches u."""
+        """Estimate of |e| [n] by `‖s‖ ≈ s0 ‖D‖/(u - ‖D‖)`, with u for the feed-forward torque; inf if ‖D‖ reaches u."""
         mass0, bias0 = self.motion.of_arm(self.printed.law.nominal)
         u = self._u(0.0, np.einsum("kij,kj->ki", mass0, self.motion.states[2]) + bias0)
         reserve = u - self.residual
@@ -186,7 +187,7 @@ class _Member:
 
 
 def _roots(u: Floats, residual: Floats, rate: Floats, layer: float) -> tuple[float, float]:
-    """Return the largest σ1 and the least σ2 along the motion; infinity and zero if there are no roots somewhere."""
+    """Return the largest σ1 and the least σ2 along the motion; inf and 0 if the roots do not exist at some time."""
     quadratic, linear, constant = 0.5 * rate, residual + 0.5 * rate * layer - u, residual * layer
     discriminant = linear * linear - 4.0 * quadratic * constant
     if np.any(linear >= 0.0) or np.any(discriminant < 0.0):
@@ -216,7 +217,7 @@ def _premises(
         enough = bool(np.isfinite(margin) and margin >= 0.0)
         text = "at every size of s from σ1 to s̄ the layer outweighs the disturbance and the arm's change of inertia"
         assumptions.append(Assumption(text, "tested" if enough else "fails", margin if np.isfinite(margin) else None))
-        text = "the run once comes within the bound of its reference, and then stays there"
+        text = "the run reaches this bound at some time, from which on it holds"
         assumptions.append(Assumption(text, "assumed"))
     return tuple(assumptions)
 
@@ -240,7 +241,7 @@ the torque steps larger: 20 times within 2 % of the limit in the paper's example
 
 @certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
-    """Check `h < 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))` for the printed law near e = 0, with the torque held for a period.
+    """Check `h < 0.95 · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))` for the printed law near e = 0, with the torque held.
 
     Near e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β. A sampled double integrator with that
     damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the
@@ -263,18 +264,19 @@ def printed_period(scenario: Scenario) -> Verdict:
     if limit == 0.0:
         claim = "A unit vector without a layer chatters at every period"
     if not printed.held:
-        text = f"{claim}; this scenario's torque follows the state at once, its period is the integrator's step."
+        text = f"{claim}; this scenario's torque follows the state at once, and `period` is the integrator's step."
         return Verdict(*PRINTED_PERIOD, None, None, limits, (), text)
     cases = len(corner_scenarios(scenario)) - 1
     over = f", for the scenario and {cases} corners of its uncertain set" if cases else ""
     assumptions = (
         Assumption("the loop is linear near its goal: e and s are small against ρ∞, δ and s0", "assumed"),
         Assumption(
-            f"M, M0 and u along the reference, at {len(SampledReference(scenario).times)} times{over}", "tested"
+            f"M, M0 and u are computed along the reference, at {len(SampledReference(scenario).times)} times{over}",
+            "tested",
         ),
     )
     holds = period < limit
-    statement = f"{claim}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); its period is {1e3 * period:.3g} ms."
+    statement = f"{claim}: h < {SAFE:g} · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I)); the period is {1e3 * period:.3g} ms."
     margin = 1.0 - period / limit if limit > 0.0 else -1.0
     remedies = [Remedy("the law in its sampled-data form", {"scheme.sampled_data": {}})]
     if limit > 0.0:
@@ -283,7 +285,7 @@ def printed_period(scenario: Scenario) -> Verdict:
 
 
 def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float, float, float]:
-    """Return the limits of surface and layer together, of the surface alone and of the layer alone, s."""
+    """Return the limits of the period [s]: by surface and layer together, by the surface, and by the layer alone."""
     law, motion, n = printed.law, SampledReference(member), printed.joints
     mass, (mass0, bias0) = motion.truth[0], motion.of_arm(law.nominal)
     slope = np.ones(n)

@@ -15,6 +15,8 @@ class Arrays:
     """Arrays of a C function.
 
     - `taken`: names in use.
+    - `stored`: array and index of each value that has become an element, by the value's name.
+    - `single`: groups of a single statement, by the name of its value.
     """
 
     def __init__(self, taken: set[str]) -> None:
@@ -51,7 +53,7 @@ class Arrays:
                     self.stored[statement.name] = (array, statement.line.element[1])
 
     def groups_of(self, statements: list[Statement]) -> list[Group]:
-        """Return the groups of successive statements."""
+        """Return successive statements, grouped into loops and single statements."""
         self.single = {}
         self._place_elements(statements)
         alike: defaultdict[tuple[object, ...], list[Statement]] = defaultdict(list)
@@ -97,7 +99,7 @@ class Arrays:
         return Group([lane], self.stored[lane.name][0] if lane.name in self.stored else "")
 
     def _gather(self, lanes: list[Statement]) -> None:
-        """Store single values in an array if a loop would read one in each iteration."""
+        """Store single values in an array if a loop would read a different one in each iteration."""
         for column in zip(*(lane.piece.operands for lane in lanes), strict=True):
             alone = [word for word in column if word in self.single and word not in self.stored]
             if len(set(column)) < len(column) or not alone:
@@ -114,7 +116,11 @@ class Arrays:
                     self.single[word].array = element[0]
 
     def _free_elements(self, column: Sequence[str], alone: list[str]) -> list[tuple[str, int]] | None:
-        """Return free array elements for a column's single values, next to its other values; None if there are none."""
+        """Return an array element for each value of a column; None if the elements of its single values are not free.
+
+        - `column`: the operands that a loop reads, one per iteration.
+        - `alone`: the operands that are single values.
+        """
         if len(alone) == len(column):
             array = self.new_name(column[0])
             return [(array, k) for k in range(len(column))]
@@ -131,7 +137,7 @@ class Arrays:
         return None if is_taken else elements
 
     def _split(self, lanes: list[Statement]) -> list[Group]:
-        """Split statements of one kind into the fewest groups, of every first, second or third statement."""
+        """Split statements of one kind into the fewest groups, each of all, every second or every third statement."""
         self._gather(lanes)
         best: list[Group] = []
         for step in (1, 2, 3):
@@ -207,7 +213,7 @@ class AssignmentRun:
 
 
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
-    """Return runs of assignments, in a valid order.
+    """Return runs of assignments, in an order that does not change any value.
 
     A loop has only one assignment, since compilers do not vectorise several.
 

@@ -274,7 +274,7 @@ class CExpression:
 
     - `precedence`: precedence of its outermost operator.
     - `weight`: number of operations.
-    - `reads`: variables of loops and inputs that it reads, which may be overwritten.
+    - `reads`: loop variables and inputs that it reads; their values may be overwritten later.
     """
 
     text: str
@@ -431,7 +431,10 @@ def _call(name: str, args: list[CExpression]) -> tuple[str, int]:
 
 
 def _two(args: list[CExpression], sign: str, precedence: int, *, each: int | None = None) -> tuple[str, int]:
-    """Join two operands; the operator groups from the left unless each operand must bind tighter."""
+    """Join two operands by an operator that groups from the left.
+
+    - `each`: least precedence of both operands, for an operator that does not group.
+    """
     left, right = args
     first = left.within(precedence if each is None else each)
     return f"{first} {sign} {right.within(precedence + 1 if each is None else each)}", precedence

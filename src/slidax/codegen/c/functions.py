@@ -20,9 +20,9 @@ class Statements:
 
     - `lines`: indented lines of C.
     - `helpers`: small functions that it calls.
-    - `reads`: numbers of the inputs that it reads.
-    - `bytes`: stack size of its variables if none in a block share memory; a compiler needs less.
-    - `called`: functions that it calls, once for each call.
+    - `reads`: indices of the inputs that it reads.
+    - `bytes`: stack size of its variables [bytes], if no two in a block share memory; a compiler needs less.
+    - `called`: the called function of each call.
     """
 
     lines: list[str]
@@ -54,9 +54,9 @@ def statements(
     - `read`: C text that reads an element of an input.
     - `dialect`: C99 with doubles if None.
     - `precomputed`: values that need no computation, and the C text that reads them.
-    - `names`: preferred names of values; None: names of the source.
+    - `names`: preferred names of values; None: names from the Python source.
     - `rows`: C text for elements of logged outputs; None omits these outputs.
-    - `callees`: C functions of the called programs; None if there are none.
+    - `callees`: C functions of the called programs; None if the program has no calls.
     - `loops`: true to write similar statements for all elements of an array as a loop.
     - `taken`: names in use, such as those of the function's arguments.
     """

@@ -32,7 +32,7 @@ class CodeLine:
     - `text`: text without indentation.
     - `about`: comment on the computed value, or empty.
     - `visit`: equal for lines of one operation on arrays; None for others.
-    - `element`: number of an array, and the index in it, for the declared value.
+    - `element`: number of the array that the declared value belongs to, and its index there; None without an array.
     """
 
     level: int
@@ -126,10 +126,10 @@ SIZES = {"double": 8, "float": 4, "int64_t": 8, "uint64_t": 8, "int32_t": 4, "ui
 VARIABLE = re.compile(rf"(const )?({'|'.join(SIZES)}) (\w+)(?:\[(\d+)\])?(?: = (.*)|;)?;?")
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 ARGUMENT = re.compile(r"\w+->\w+;?")
-"""Members of a function's arguments, known from its start."""
+"""Members of a function's arguments, whose values are known from the start of the function."""
 
 LEAST = 128
-"""Least number of bytes that a block must save."""
+"""Least number of bytes of stack that a block must save."""
 
 
 _Item = list[CodeLine]
@@ -206,7 +206,7 @@ def _with_inner_scopes(item: _Item) -> list[CodeLine]:
 
 
 def _parts(item: _Item) -> Iterator[tuple[list[CodeLine], CodeLine]]:
-    """Yield the blocks of an item, each with the line that ends it; the first, without lines, ends with the head."""
+    """Yield the blocks of an item, each with the line that ends it. The first block is empty and ends with the head."""
     part: list[CodeLine] = []
     for line in item:
         if line.level == item[0].level:
@@ -262,7 +262,7 @@ def _cuts(items: Sequence[_Item], variables: Mapping[str, _Variable]) -> list[in
 
 
 def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
-    """Return the bytes that blocks save: all local variables except those of the largest block."""
+    """Return the bytes of stack that blocks save: the size of all local arrays except those in the largest block."""
     local: defaultdict[int, int] = defaultdict(int)
     block = {}
     for number, (start, end) in enumerate(pairwise(cuts)):
@@ -275,7 +275,10 @@ def _saved_bytes(arrays: Sequence[_Variable], cuts: Sequence[int]) -> int:
 
 
 def _block(lines: Sequence[CodeLine], leaving: set[str]) -> list[CodeLine]:
-    """Enclose lines in a block; declare variables that are needed after it before it."""
+    """Enclose lines in a block, and declare the variables that are needed after the block before it.
+
+    - `leaving`: names of these variables.
+    """
     before: list[CodeLine] = []
     inside: list[CodeLine] = []
     level = lines[0].level

@@ -9,7 +9,7 @@ from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses
 
 
 class Placement:
-    """Regions for all values that the requested values need.
+    """Choice of a region for each value that the requested values need.
 
     `order` lists the values of each region in a valid order of computation. `uses` counts a value's uses as an operand.
     `assigned` has the values that are assigned to an output, a carried variable or a branch's result.
@@ -39,11 +39,11 @@ class Placement:
             self.order[self.place[value]].append(value)
 
     def carried(self, loop: Loop) -> list[int]:
-        """Return the numbers of the needed carried values of a loop."""
+        """Return the indices of the carried values of a loop that are needed."""
         return [k for k, param in enumerate(loop.params) if param in self.needed]
 
     def results_of(self, block: Value) -> dict[int, Value]:
-        """Return the needed results of a block, by number."""
+        """Return the results of a block that are needed, by index."""
         return {value.data: value for value in self.results.get(block, ())}
 
     def parent(self, region: Region) -> Region | None:
@@ -113,7 +113,7 @@ class Placement:
     # ---- regions ----------------------------------------------------------------------------------------------------
 
     def _place_value(self, value: Value) -> None:
-        """Place a value whose uses are all placed, and record its own uses of others."""
+        """Choose the region of a value whose users are all placed, and record the values that it uses."""
         if value.op in ("store", "call") or regions(value):
             self._put_block(value)
             return
@@ -155,7 +155,7 @@ class Placement:
                 self._use(arg, place)
 
     def _pass(self, value: Value, region: Region) -> None:
-        """Use a value as an argument of a call, which reads an input in place."""
+        """Record that a call needs a value. An input is read in place: for an input, this does not count as a use."""
         self._use(value, region)
         if value.op == "input":
             self.uses[value] -= 1
@@ -219,16 +219,16 @@ def _inside(block: Value) -> Iterator[Value]:
 
 EXPENSIVE = frozenset(ELEMENTARY) | {"div", "rem", "sqrt"}
 WORTH = 4
-"""Number of additions whose result is worth storing; that of an `EXPENSIVE` operation always is."""
+"""Least number of additions whose result is worth storing. The result of an `EXPENSIVE` operation always is."""
 
 
 def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
     """Return values that depend only on constants and some inputs, and are worth storing between calls.
 
-    `statements` of the same program can compute them separately, even values inside branches, whose computation is
-    harmless if not needed. `statements` of the rest takes them as `precomputed`.
+    A separate C function can compute them: pass them to `statements` as `assigned`. The function with the rest of the
+    program takes them as `precomputed`. Values inside branches are included; computing them without need is harmless.
 
-    - `inputs`: numbers of the inputs that rarely change.
+    - `inputs`: indices of the inputs that rarely change.
     """
     return _LoopInvariant(program, inputs).values()
 
@@ -242,7 +242,7 @@ class _LoopInvariant:
         self._region(program.body, guarded=False)
 
     def values(self) -> list[Value]:
-        """Return the expensive values that other values need, if the returned ones are stored."""
+        """Return the values that the rest of the program needs, and that are expensive to compute from each other."""
         needed = {value for output in self.program.outputs for value in output.values or ()}
         for value in self.program.walk():
             if value not in self.invariant and value not in self.inner:

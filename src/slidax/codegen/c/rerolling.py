@@ -18,7 +18,7 @@ ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
     """Remove arrays that only copy a part of another array; calls then get a pointer to that part.
 
-    - `lines`: lines of a function; only the next call reads an array of elements.
+    - `lines`: lines of a function, in which only the next call after a copied array reads it.
     """
     out: list[CodeLine] = []
     where: dict[str, str] = {}
@@ -48,7 +48,7 @@ ANY_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 CONDITION = re.compile(r"((?:const bool )?[\w>\[\]-]+ = |if \(|while \()(.*)(;|\) \{)")
 BOOL_DECLARATION = re.compile(r"const bool (\w+) = ")
 LOOP = 4
-"""Number of lines of a loop: result, head, body, end."""
+"""Number of lines of a loop for a condition: result, head, body, end."""
 
 NewName = Callable[[str], str]
 """Map a stem to a free name."""
@@ -98,7 +98,7 @@ class _Reduction:
     result: str = ""
 
     def reduce(self, text: str) -> str:
-        """Return a condition with its loops moved to `lines`."""
+        """Return a condition in which the results of loops replace its long parts; the loops are added to `lines`."""
         if _split(text, " ? ")[1:]:
             return text
         for sign in (" || ", " && "):
@@ -193,7 +193,7 @@ def _closing_parenthesis(text: str, opened: int) -> int:
 
 
 Local = dict[Access, str]
-"""Name of each value that is needed in one iteration only, by its access."""
+"""Names of values that are needed in one iteration only, by the rule for their array element."""
 
 DECLARATION = re.compile(r"(const )?(double|float|bool|u?int(?:32|64)_t) (\w+)(?: = (.*))?;")
 ASSIGNMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?(?:\[\d+\])?) = (.*);")
@@ -242,7 +242,7 @@ class _Rerolling:
         return reduce_conditions(pass_in_place(renamed), self.arrays.new_name, self.index, self.helpers)
 
     def _run_of(self, k: int) -> tuple[int, str]:
-        """Return the end and the kind of the run of lines that begins here."""
+        """Return the end and the kind of the run of similar lines that begins at line k."""
         kind, level = _kind(self.lines[k]), self.lines[k].level
         end = k + 1
         if kind:
@@ -386,7 +386,7 @@ class _Rerolling:
                 self._print_loop(len(run.lanes), body, level, about)
 
     def _block_move(self, run: AssignmentRun) -> str:
-        """Return the copy of a part of an array to another one, or its setting to zero."""
+        """Return a `memcpy` between parts of two arrays, or a `memset` that sets a part to zero."""
         target, source = run.at
         arrays = (target.array, source.array) if source.step else (target.array,)
         size = f"{len(run.lanes)} * sizeof {min(arrays, key=len)}[0]"

@@ -83,6 +83,8 @@ class Access:
 def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
     """Return the number of leading expressions that one loop can compute, and the rule for each operand.
 
+    Without enough expressions for a loop, there are no rules.
+
     - `rows`: operands of each expression.
     - `stored`: values that have become elements of arrays.
     """
@@ -173,7 +175,10 @@ class Group:
 
 
 def order_groups(groups: list[Group]) -> list[Group]:
-    """Return the groups in a valid order; a group that prevents such an order is split into statements."""
+    """Return the groups, ordered so that each value is computed before its use.
+
+    A group that prevents such an order is split into single statements.
+    """
     maker = {lane.name: group for group in groups for lane in group.lanes}
     order: list[Group] = []
     while True:
@@ -208,7 +213,7 @@ def order_groups(groups: list[Group]) -> list[Group]:
 
 
 def _next(ready: list[Group], order: list[Group]) -> Group:
-    """Choose the next group: a loop with as many iterations as the last, else the first in the source."""
+    """Choose the next group: a loop with as many iterations as the last loop, else the first group in the source."""
     if order and order[-1].target is not None:
         same = [group for group in ready if group.iterations == order[-1].iterations]
         if same:

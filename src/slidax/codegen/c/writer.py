@@ -13,10 +13,10 @@ from .layout import INDENT, WIDTH, CodeLine, pointer_to
 from .placement import Placement, is_counter, is_counter_increment
 
 Read = Callable[[int, int | str], str]
-"""Map an input's number and an element, a number or a C expression, to the C text that reads it."""
+"""Map the indices of an input and of its element to the C text that reads it. The second may be a C expression."""
 
 Rows = Callable[[int, str, int], str]
-"""Map an output's number, the expression of a row and an element's number to the C lvalue of the element."""
+"""Map an output's index, the C expression of a row and an element's index to the C lvalue of the element."""
 
 LETTERS = [first + second for first in ["", *"bcdefghijklmnopqrstuvwxyz"] for second in "bcdefghijklmnopqrstuvwxyz"]
 """Suffixes that make a name unique."""
@@ -29,7 +29,7 @@ class Callee(NamedTuple):
     """A C function, called as `name(shared..., inputs..., results)`.
 
     - `shared`: arguments that are equal in all calls.
-    - `passed`: numbers of the inputs that each call passes, as arrays.
+    - `passed`: indices of the inputs that each call passes.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Writer:
             )
 
     def new_name(self, hint: str | None) -> str:
-        """Return an unused name; without a hint, a short one with a number."""
+        """Return an unused name that begins with the hint; without a hint, `v1`, `v2` and so on."""
         if hint is None:
             self._unnamed += 1
             hint = f"v{self._unnamed}"
@@ -127,7 +127,7 @@ class Writer:
                 self._value(value)
 
     def declare_value(self, value: Value, hint: str | None = None) -> None:
-        """Declare a variable for a value that has an expression."""
+        """Declare a variable for a value whose expression is known; later uses read the variable."""
         written = self.texts[value]
         type, name = self.new_variable(value, hint)
         self.line(f"const {type} {name} = {written.text};", value)
@@ -421,7 +421,7 @@ class Writer:
         return name
 
     def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
-        """Return the lines at the start of an iteration, and the condition to stop, or to continue if no lines."""
+        """Return the lines at the start of an iteration, and the condition to stop; without lines, that to continue."""
         around, self.lines = self.lines, []
         self.level += 1
         self.region(loop.head)

@@ -198,7 +198,7 @@ _POWER_TAIL = (
 
 
 def power(x: Expression, y: Expression) -> Expression:
-    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd, NaN for x < 0 if y is not an integer."""
+    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd; NaN for x < 0 if y is not an integer."""
     if _known_not_negative(x.value):
         return _of_magnitude(x, y)
     magnitude = _of_magnitude(abs(x), y)
@@ -238,7 +238,8 @@ def _known_not_negative(x: Value) -> bool:
     return x.op in ("abs", "exp")
 
 
-# A third of a number's upper bits approximates its cube root's; 2^52 + b has the integer b in its lowest bits.
+# A constant minus a third of the upper bits of x approximates the upper bits of x^(-1/3). 2^52 + b has the integer b in
+# its lowest bits.
 
 _THIRD_OF_BITS = 6004800933347025.0
 

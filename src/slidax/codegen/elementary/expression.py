@@ -23,7 +23,7 @@ def _operator(op: str) -> Callable[[Expression, Expression | Number], Expression
 class Expression:
     """A value with operators; numbers become constants of its type.
 
-    Comparisons give a b1; `equals` and `differs` compare for equality, and NaN differs from every number.
+    Comparisons return a b1. `equals` and `differs` compare for equality; NaN differs from every number.
     """
 
     builder: Builder
@@ -83,7 +83,7 @@ class Expression:
         return (self.bits() | (other.bits() & SIGN)).number()
 
     def flipped(self, sign: Expression) -> Expression:
-        """This number, negated where the sign bit is set in a u64 with no other bits."""
+        """This number, negated if `sign`, a u64 that is 0 or `SIGN`, is not 0."""
         return (self.bits() ^ sign).number()
 
     def cast(self, op: str, type: Type) -> Expression:
@@ -120,10 +120,12 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
 def branch_rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """Return the values of `then()` if `when` is true, else existing values; built once for equal arguments.
+    """Return the values of `then()` if `when` is true, else existing values, by a branch for rare cases.
+
+    A second call with equal arguments returns the values of the first branch.
 
     - `when`: b1, a function of the same numbers as the existing values.
-    - `then`: builds as many values, of the same types.
+    - `then`: builds as many values as there are existing ones, of the same types.
     - `else_these`: existing values, all in one region, to which the branch is added.
     """
     builder, region = when.builder, else_these[0].value.region

@@ -72,7 +72,10 @@ def reduce_huge_angle(x: Expression) -> tuple[Expression, Expression, Expression
 
 
 def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
-    """Return 192 binary digits of 2/pi after the first `first`, u64, less than 1024."""
+    """Return 192 binary digits of 2/pi, without the first `first` digits, as three u64.
+
+    - `first`: u64, less than 1024.
+    """
     words = [first.constant(word) for word in _HUGE_TWO_OVER_PI]
     for bit in (8, 4, 2, 1):
         skip = (first & (64 * bit)).differs(0)
@@ -83,7 +86,7 @@ def _digits(first: Expression) -> tuple[Expression, Expression, Expression]:
 
 
 def _product(mantissa: Expression, words: tuple[Expression, Expression, Expression]) -> tuple[Expression, Expression]:
-    """Return the upper 128 of the product's last 192 bits before the point, without a carry from the last word."""
+    """Return the upper 128 of the lowest 192 bits of the mantissa times the 192-bit number in `words`, as two u64."""
     a, b, c = words
     lower = mantissa * b
     total = lower + _upper_half(mantissa, c)

@@ -97,7 +97,7 @@ def _differs(program: Program, value: Value, differing: set[Value]) -> bool:
 
 EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 SELECT_LIMIT = 12
-"""Most operations of a branch, none of them expensive, that is replaced by a selection between both sides."""
+"""Largest number of operations in a branch that is replaced by a selection between both sides; none is expensive."""
 
 
 class Blocks(Lines):
@@ -152,7 +152,7 @@ class Blocks(Lines):
         return self._names.get(value) or f"%v{value.number}"
 
     def _word(self, value: Value, width: int) -> str:
-        """Return a value with `width` lanes, broadcast if necessary."""
+        """Return the LLVM operand for a value with `width` lanes, broadcast if necessary."""
         if width == self._width(value):
             return self._own(value)
         if value.op == "const":
@@ -173,7 +173,7 @@ class Blocks(Lines):
         return name
 
     def _active_lanes(self, mask: str, name: str) -> str:
-        """Return the active lanes of a mask."""
+        """Return the mask, restricted to the active lanes."""
         if not self._mask:
             return mask
         self.write(f"{name} = and <{self.lanes} x i1> {self._mask}, {mask}")

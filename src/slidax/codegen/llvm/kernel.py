@@ -27,7 +27,7 @@ def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
     """Generate the LLVM IR of a program.
 
     Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
-    outputs, group after group; `rows` is the number of rows of each log.
+    outputs, group after group; `rows` is the number of rows of each log. A group is a set of `lanes` runs.
 
     - `lanes`: number of runs that are computed in parallel, a power of two.
     - `entry`: name of the function.
@@ -64,7 +64,7 @@ def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
             "after:",
             "  ret void",
             "}",
-            # The processor's widest vectors, although some processors reduce their clock rate for them.
+            # The CPU's widest vectors, although some CPUs reduce their clock rate for them.
             'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }',
             "!0 = !{}",
             "",
@@ -114,9 +114,9 @@ class Kernel:
 
     @property
     def function(self) -> Any:
-        """The machine code; its arguments are the address of a table, its number of lines, the number of logged rows.
+        """The machine code. Its arguments are a table's address, the number of lines in the table, and of logged rows.
 
-        A line of the table contains the addresses of all inputs and then of all outputs. Nothing is checked.
+        A line of the table contains the addresses of all inputs and then of all outputs. No argument is checked.
         """
         return self._run
 
@@ -162,7 +162,7 @@ class Kernel:
         - `inputs`: inputs in the program's shapes and dtypes; those that vary have a first axis for the runs.
         - `runs`: number of runs, > 0.
         - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
-        - `threads`: number of threads; None: one per processor. The results do not depend on it.
+        - `threads`: number of threads; None: one per CPU core. The results do not depend on it.
 
         Raises DefinitionError if an input has another shape or dtype.
         """
@@ -198,7 +198,7 @@ class Kernel:
         ]
 
     def _table(self, inputs: Arrays, outputs: Arrays, groups: int) -> Any:
-        """Return the addresses of all arrays for each group."""
+        """Return the table with the addresses of all arrays, one line per group of runs."""
         first = np.array([array.ctypes.data for array in (*inputs, *outputs)], np.uintp)
         steps = [array[0].nbytes if entry.varying else 0 for array, entry in zip(inputs, self.inputs, strict=True)]
         steps += [array[0].nbytes for array in outputs]
@@ -219,12 +219,12 @@ class Kernel:
 
 
 def _processors() -> int:
-    """Number of processors that this process may use."""
+    """Number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def identity(program: Program, lanes: int) -> str:
-    """Return a text with everything that a program's code depends on, except the machine."""
+    """Return a text that identifies the code of a program, except for the machine and the optimisation level."""
     return f"{digest(program)} {lanes}"
 
 
@@ -255,7 +255,7 @@ VALUE_SIZE = 8
 
 
 class ByDemand:
-    """Quick and optimised code of a program; both give the same bits.
+    """Quick and optimised code of a program; the results of both are bitwise equal.
 
     - `program`: a program whose time is spent in a loop.
     - `lanes`: number of runs that are computed in parallel.
@@ -268,9 +268,9 @@ class ByDemand:
         self._kernel: Kernel | None = None
 
     def kernel(self, iterations: int) -> Kernel:
-        """Return the code that fits the number of iterations so far.
+        """Return quick or optimised code, by the total number of iterations of all calls.
 
-        - `iterations`: next iterations of the loop; the runs in one vector count once.
+        - `iterations`: number of iterations of the loop in the next run; the runs in one vector count once.
 
         Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
         """

@@ -1,4 +1,4 @@
-"""Machine code for this processor, with a cache on disk."""
+"""Machine code for this CPU, with a cache on disk."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _fault(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
     if stat.S_ISLNK(status.st_mode):
         return "is a symbolic link"
     if not is_kind(status.st_mode):
-        return "is of another kind"
+        return "has the wrong file type"
     if not hasattr(os, "getuid"):
         # Windows: the folder is in the user's profile, which is closed to others by default.
         return ""
@@ -131,7 +131,7 @@ class Code:
 
 
 class Machine:
-    """The processor of this process, and its features."""
+    """The CPU of this machine with its features, and LLVM's compiler for it."""
 
     def __init__(self) -> None:
         if not available():
@@ -151,7 +151,8 @@ class Machine:
     def key_of(self, source: str, level: int) -> str:
         """Return the cache key of a module's code.
 
-        - `source`: everything that the module depends on; generating its IR would take as long as compiling it.
+        - `source`: text with everything that the module depends on. The module's IR is not used as the key, since
+          generating it takes as long as compiling it.
         - `level`: LLVM's optimisation level.
         """
         return "\n".join([self.version, self.cpu, self.features, str(level), source])
@@ -171,7 +172,7 @@ class Machine:
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}".partition("\n")[0]
                 warnings.warn(
-                    f"`{path_of(key)}` is not the code of this program ({reason}); it is compiled again",
+                    f"`{path_of(key)}` is not the code of this program ({reason}); the program is compiled again",
                     stacklevel=2,
                 )
         object = self.compiled(text(), level)
@@ -191,5 +192,5 @@ class Machine:
 
 @functools.cache
 def host() -> Machine:
-    """Return the machine, inspected once."""
+    """Return this machine; its CPU is inspected only once."""
     return Machine()

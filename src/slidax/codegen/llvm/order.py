@@ -18,11 +18,11 @@ LATENCIES = {
     "branch": 30,
     "loop": 100,
 }
-"""Latency of each operation in cycles on current processors; 1 for all others."""
+"""Latency of each operation in cycles on current CPUs; 1 for all others."""
 
 ISSUE_RATE = 2.0
-"""Operations that the model processor starts per cycle. A measured optimum: with more, too many values are live at the
-same time and spill."""
+"""Operations that the modelled CPU starts per cycle. A measured optimum: with more, too many values are live at the
+same time and are spilled to the stack."""
 
 Heights = Mapping[Value, int]
 """Length of the longest dependency chain that starts at each value, in cycles."""
@@ -50,7 +50,10 @@ def _order(region: Region, after: Heights) -> None:
 
 
 def _schedule(values: Sequence[Value], after: Heights) -> list[Value]:
-    """Return a region's values in their new order; `after` has the chains outside the region."""
+    """Return a region's values in their new order.
+
+    - `after`: length of the chains that continue after the region, by value.
+    """
     users = dependants(values)
     heights = _heights(users, after)
     missing = dependency_counts(users)

@@ -27,7 +27,10 @@ LARGEST_WIDTH = 8
 
 
 class Bundles:
-    """Bundles of values that can be lanes of one vector; the program is not changed."""
+    """Bundles of a program, which is not changed.
+
+    A bundle is a tuple of values that can be lanes of one vector. A slot has the k-th argument of each of them.
+    """
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -105,7 +108,7 @@ class Bundles:
         self._search(loop.body)
 
     def _carried_with(self, loop: Loop, k: int, left: Mapping[int, Value]) -> int:
-        """Return the number of carried values, from the k-th on, that form a row after or before the loop."""
+        """Return the number of carried values, from the k-th on, that form an output's row or an earlier bundle."""
         row = self._row_of.get(left[k]) if k in left else None
         if row is not None and [value.data for value in row] == list(range(k, k + len(row))):
             return len(row)
@@ -115,7 +118,7 @@ class Bundles:
         return 1
 
     def _extend(self, value: Value, *, computed: bool) -> None:
-        """Search for the same operation on the neighbours of a value's arguments."""
+        """Search for the same operation on the next elements of the bundles of a value's arguments."""
         if value in self.lane_of:
             return
         places = [self.lane_of.get(arg) for arg in value.args]
@@ -134,7 +137,7 @@ class Bundles:
             self._extend_by_users(value, moving[0])
 
     def _extend_by_users(self, value: Value, k: int) -> None:
-        """Search for similar operations if only the k-th argument has neighbours, each with a single candidate."""
+        """Search for similar operations on the neighbours of the k-th argument, if each has only one such user."""
         bundle, first = self.lane_of[value.args[k]]
         members: list[Value] = []
         slots: list[Members] = []
@@ -163,7 +166,7 @@ class Bundles:
                 self._put(column, computed=False)
 
     def _neighbours(self, value: Value, steps: Sequence[int]) -> list[Members]:
-        """Return, for each argument, the argument and its neighbours, or the argument repeated."""
+        """Return one slot per argument: the argument and its neighbours if it is in `steps`, else its repetitions."""
         places = {k: self.lane_of[value.args[k]] for k in steps}
         size = min(len(bundle) - first for bundle, first in places.values())
         slots = [(arg,) * size for arg in value.args]
@@ -172,7 +175,7 @@ class Bundles:
         return slots
 
     def _operations_on(self, value: Value, slots: Sequence[Members]) -> Members:
-        """Return the operations like `value` on the members of the slots; empty if one is missing."""
+        """Return the operations like `value` on the members of the slots; empty if an operation is missing."""
         members = [value]
         for args in list(zip(*slots, strict=True))[1:]:
             other = self._table.get(_key(value, [arg.number for arg in args]))
@@ -288,7 +291,7 @@ def keep_profitable(bundles: Bundles) -> None:
 
 
 class _CostModel:
-    """Users of each value and vector."""
+    """Cost model for vectors, from the users of each value and vector."""
 
     def __init__(self, bundles: Bundles) -> None:
         self.bundles = bundles
@@ -344,7 +347,7 @@ class _CostModel:
                 self.scalar_uses[arg] += 1
 
     def _gather_cost(self, slot: Members) -> float:
-        """Return the cost of assembling a vector: one instruction per additional piece, and half of one to extract."""
+        """Return the cost of assembling a vector in instructions: 1 per additional piece, 0.5 per extraction."""
         if len(set(slot)) == 1:
             return 0.0 if slot[0].op == "const" else 1.0
         pieces = {self.bundles.lane_of[value][0] if self.bundles.is_vectorised(value) else (value,) for value in slot}

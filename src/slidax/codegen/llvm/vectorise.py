@@ -1,4 +1,4 @@
-"""Vectorise a program, and prepare it for the processor: lowered, fused, ordered."""
+"""Vectorise a program, and prepare it for the CPU: lowered, fused, ordered."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class _Vectoriser:
         return self.picks[value]
 
     def _argument(self, members: Members) -> Value:
-        """Return the vector of some values, or a constant if all are equal to it."""
+        """Return the vector of some values; if all are the same constant, return this constant."""
         if members in self.vectors:
             return self.vectors[members]
         first = members[0]
@@ -202,7 +202,7 @@ def _depth(region: Region) -> int:
 FUNCTIONS = frozenset(ELEMENTARY)
 
 CALLED = FUNCTIONS - {"exp", "erf_inv"}
-"""Functions that quick code calls. The others end with a product, which may be fused into a sum."""
+"""Elementary functions that `quick` code calls. The others end with a product, which may be fused into a sum."""
 
 
 def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
@@ -210,7 +210,8 @@ def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program
 
     - `lanes`: number of runs that are computed in parallel. With 1, operations that are similar for all joints become
       vectors.
-    - `quick`: True to keep the program's order, and to call elementary functions, which takes less time.
+    - `quick`: True to keep the program's order, and to call elementary functions instead of expanding them, which takes
+      less time.
     """
     if quick:
         return lower_and_fuse(program, FUNCTIONS - CALLED)

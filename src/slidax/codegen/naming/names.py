@@ -96,7 +96,7 @@ class Names:
         return self._about.get(value, "")
 
     def _read_inputs(self, program: Program) -> None:
-        """Name inputs by the shortest unique end of their paths; `state.q` comes before `gains.surface.q`."""
+        """Name inputs by the shortest unique end of their paths: `state.q` is `q`, `gains.surface.q` is `surface_q`."""
         paths = [entry.name.split(".") for entry in program.inputs]
         short: dict[int, str] = {}
         for k in sorted(range(len(paths)), key=lambda k: len(paths[k])):
@@ -173,7 +173,7 @@ def index_suffix(element: int, shape: tuple[int, ...]) -> str:
 
 
 def _result_name(frames: tuple[Any, ...]) -> tuple[Named, bool] | None:
-    """Return the name of an expression's result, and True for a variable's or False for a function's name."""
+    """Return the name of an expression's result, and True for a variable or False for a function; else None."""
     value = Returned()
     differentiated = _is_differentiated(frames)
     function: Named | None = None

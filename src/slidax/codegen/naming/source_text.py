@@ -119,7 +119,9 @@ class SourceFile:
         return self._at.get((frame.line, frame.column, frame.end_line, frame.end_column))
 
     def fate(self, node: ast.expr, value: Returned) -> Named | Returned | None:
-        """Return the name of an expression's value, or its position if returned; None if a larger expression uses it.
+        """Return the variable to which an expression's value is assigned, or its position in a returned value.
+
+        None if neither applies, for example if a larger expression uses the value.
 
         - `value`: the part of the value that is followed.
         """
@@ -214,7 +216,7 @@ def _summary(node: ast.FunctionDef | ast.ClassDef) -> str:
 
 
 def about(frames: Sequence[Any]) -> str:
-    """Return name and formula of the innermost function whose docstring begins with a formula; empty if there is none.
+    """Return name and formula of the innermost function with a formula in its docstring's first line; empty if none.
 
     A class's docstring takes precedence over a method's if only it has an equation or an equation number.
 

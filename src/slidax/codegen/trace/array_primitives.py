@@ -89,7 +89,7 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
 
 
 def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...]) -> Values:
-    """Return the part of an array from `starts` on, shifted inside if it would leave the array.
+    """Return the part of an array that begins at `starts`; a part that would leave the array is shifted inside.
 
     - `starts`: an integer for each axis.
     - `sizes`: shape of the part.
@@ -102,9 +102,9 @@ def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...
 
 
 def replace_window(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
-    """Return the array with a part replaced from `starts` on, shifted inside if it would leave the array.
+    """Return the array with a part replaced that begins at `starts`; a part that would leave it is shifted inside.
 
-    - `part`: array with the same number of axes.
+    - `part`: the new part, with as many axes as the array.
     - `starts`: an integer for each axis.
     """
 
@@ -252,7 +252,7 @@ def _cumulative(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
 
 
 def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
-    """Return the rule for the index of the first largest or smallest element; NaN counts as such."""
+    """Return the rule for the index of the largest or smallest element; the first of equal ones, or the first NaN."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         (axis,) = equation.params["axes"]

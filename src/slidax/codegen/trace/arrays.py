@@ -31,7 +31,7 @@ def type_of(dtype: Any) -> Type:
 
 
 def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
-    """Return an array of values, listed in C order."""
+    """Return an array of these values, in C order."""
     listed = list(values)
     array = np.empty(len(listed), object)
     array[:] = listed
@@ -91,11 +91,11 @@ def select_element(builder: Builder, values: list[Value], index: Value) -> Value
 
 
 LONG = 16
-"""Arrays with more elements are read from memory if they are inputs, and by a chain of selections otherwise."""
+"""Larger arrays that are indexed at run time are read from memory if they are inputs, else by a chain of selections."""
 
 
 def _compute_element(builder: Builder, values: list[Value], index: Value) -> Value | None:
-    """Compute an element if the elements are a progression; load it if they are evenly spaced in memory; else None."""
+    """Return an element: computed from an arithmetic progression, or loaded from evenly spaced inputs; else None."""
     numbers = _progression(values)
     if numbers is not None:
         kind, (start, step) = values[0].type, numbers
@@ -113,7 +113,7 @@ def _compute_element(builder: Builder, values: list[Value], index: Value) -> Val
 
 
 def _progression(values: list[Value]) -> tuple[int, int] | None:
-    """Return start and step of evenly spaced integer constants, such as those from `arange`."""
+    """Return start and step of evenly spaced integer constants, such as those from `arange`; None for other values."""
     if len(values) < 2 or any(value.op != "const" or value.type not in ("i64", "i32") for value in values):
         return None
     numbers = [int(value.data) for value in values]

@@ -13,7 +13,7 @@ from ..ir import Value
 from .arrays import Inline, constant_array, full_array, pack, select_element, type_of, unpack, value_array
 
 FEW = 64
-"""Largest number of stacked results that a scan carries; a scan with more is unrolled."""
+"""Largest number of elements of stacked results in a scan that becomes a loop; a scan with more is unrolled."""
 
 
 def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
@@ -132,7 +132,7 @@ def _switch(
 
 
 def _is_up_to(b: Builder, index: Value, number: int) -> Value:
-    """Return the condition `index <= number`; an index that was converted from a condition uses the condition."""
+    """Return the condition `index <= number`, simplified for an index that was converted from a condition."""
     if index.op == "convert" and index.args[0].type == "b1":
         return b.apply("not", index.args[0])
     if index.type == "b1":

@@ -171,7 +171,7 @@ ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Rule of threefry: for each element, two words from a key and a counter of two words each."""
+    """Rule of the generator threefry2x32: for each element, two random words from a key and a counter of two words."""
     arrays = list(np.broadcast_arrays(*arrays))
     pairs = [_threefry(b, *row) for row in zip(*(array.ravel() for array in arrays), strict=True)]
     shape = arrays[0].shape
@@ -202,7 +202,7 @@ def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
 
 
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
-    """Return the rule of a primitive on keys, which inlines the function `name` of JAX's generator."""
+    """Return the rule of a primitive on random keys, which inlines the function `name` of JAX's generator."""
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
         impl = equation.params.get("impl") or equation.invars[0].aval.dtype._impl

@@ -12,26 +12,23 @@ from ..builder import Builder, Values
 from ..ir import BLOCKS, PLACED, Call, Program, Value, digest
 from .arrays import type_of, value_array
 
-Key = tuple[str, Any, int]
-"""Kind of a result's element: `("const", number, ...)`, `("input", element of the call's)` or `("output", number)`."""
-
 ROW = 3
-"""Least number of elements of an array that stays an array."""
+"""Least number of elements of an array that stays an array in the program."""
 
 WORTH = 60
 """Least number of operations of a function that is not inlined."""
 
 EACH = 2.5
-"""Least number of its operations per result."""
+"""Least number of operations per result of a function that is not inlined."""
 
 
 @dataclass(frozen=True)
 class SharedProgram:
-    """A function, for calls with the same constants among their arguments.
+    """A shared function, for calls whose arguments have the same constants.
 
     - `program`: the function; None if it is inlined at each call.
-    - `passed`: numbers of the arguments that are its inputs.
-    - `results`: shape and elements of each result.
+    - `passed`: indices of the arguments that are inputs of the function.
+    - `results`: for each result, its shape and the sources of its elements.
     - `jaxpr`: stored here to stay alive, so that no other jaxpr gets its `id`.
     """
 
@@ -134,7 +131,7 @@ class Library:
 
 
 def _in_order(values: Sequence[Value]) -> bool:
-    """True if inputs are contiguous."""
+    """True if inputs are consecutive elements of one array."""
     which, first = values[0].data
     return all(value.data == (which, first + k) for k, value in enumerate(values))
 

@@ -29,8 +29,11 @@ from .control_flow import expand, linear_solve, platform_index
 from .library import Library, keep_array
 
 HERE = os.path.dirname(__file__)
-OURS = (os.path.dirname(os.path.dirname(HERE)), sysconfig.get_path("stdlib"), os.path.dirname(np.__file__))
-"""Folders whose code is never from outside."""
+OURS = os.path.dirname(os.path.dirname(HERE)), os.path.dirname(np.__file__)
+"""Folders of slidax and NumPy, whose code is not the user's."""
+
+STANDARD, INSTALLED = sysconfig.get_path("stdlib"), (sysconfig.get_path("purelib"), sysconfig.get_path("platlib"))
+"""Folder of the standard library, and folders of installed packages, which may be inside it."""
 
 LIBRARIES = tuple(f"{os.sep}{name}{os.sep}" for name in ("jax", "equinox", "jaxtyping", "beartype"))
 
@@ -56,10 +59,10 @@ class Origin:
     """Source location of a value.
 
     - `equation`: equation of the jaxpr.
-    - `element`: number of the value in the equation's result, in C order; None if it is not an element of it.
+    - `element`: index of the value in the equation's result, in C order; None for an intermediate value.
     - `shape`: shape of that result.
-    - `visit`: equal for the values of one operation on arrays.
     - `within`: name of the function in which to search for the location; None: anywhere.
+    - `visit`: an object that all values of one operation on arrays share.
     """
 
     equation: Any
@@ -109,6 +112,12 @@ def _is_user_code(file: str) -> bool:
     return not file.startswith("<frozen")
 
 
+def _is_own(file: str) -> bool:
+    """True if a file is not of slidax, NumPy or the standard library."""
+    standard = file.startswith(STANDARD) and not file.startswith(INSTALLED)
+    return not (standard or file.startswith(OURS))
+
+
 CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
@@ -122,7 +131,7 @@ CALLS = {
     "custom_vjp_call": "call_jaxpr",
     "custom_vjp_call_jaxpr": "fun_jaxpr",
 }
-"""Primitives that call another jaxpr, and the parameter that holds it."""
+"""Primitives that call another jaxpr, and the name of the parameter with this jaxpr."""
 
 PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] = {
     **elementwise.ELEMENTWISE_RULES,
@@ -188,17 +197,17 @@ UNTRACEABLE: dict[type[Exception], tuple[str, str]] = {
 
 
 OWN_MISTAKES: dict[type[Exception], str] = {
-    dataclasses.FrozenInstanceError: "a law is a constant: keep what changes in the memory, and return that",
-    UnexpectedTracerError: "an array was kept outside the law: return it as memory",
+    dataclasses.FrozenInstanceError: "a law is immutable: keep varying values in its memory, and return the memory",
+    UnexpectedTracerError: "an array was stored outside the law: return it in the law's memory",
 }
-"""Remedies for other exceptions in code from outside the package."""
+"""Remedies for other exceptions in the user's code."""
 
 IN_PLACE = "write `x = x.at[i].set(value)` for `x[i] = value`"
 
 
 @contextmanager
 def located_tracing_errors() -> Iterator[None]:
-    """Convert JAX's errors for code that depends on the values of arrays, and all errors in code from outside.
+    """Convert JAX's errors for code that depends on the values of arrays, and all errors in the user's code.
 
     Raises DefinitionError with the line of the traced function, the rule and the remedy.
     """
@@ -207,7 +216,7 @@ def located_tracing_errors() -> Iterator[None]:
     except tuple(UNTRACEABLE) as error:
         wrong, remedy = next(words for kind, words in UNTRACEABLE.items() if isinstance(error, kind))
         raise DefinitionError(
-            f"{_place_of(error)}{wrong}, but a law is traced once for all values, before any is known: {remedy}"
+            f"{_place_of(error)}{wrong}, but a law is traced once, before the values of its arrays are known: {remedy}"
         ) from error
     except DefinitionError:
         raise
@@ -225,9 +234,9 @@ def located_tracing_errors() -> Iterator[None]:
 
 
 def _place_of(error: BaseException, *, own: bool = False) -> str:
-    """Where an exception was raised: the innermost line outside the package, or else outside the libraries.
+    """Return the location of an exception: the innermost line of the user's code, or else of slidax and its libraries.
 
-    - `own`: true for lines outside the package alone; empty if there is none.
+    - `own`: true for the user's code only. The text is empty if there is no such line.
     """
     places = {True: "", False: ""}
     trace_back = error.__traceback__
@@ -235,7 +244,7 @@ def _place_of(error: BaseException, *, own: bool = False) -> str:
         code = trace_back.tb_frame.f_code
         if _is_user_code(code.co_filename) and not code.co_filename.startswith(HERE):
             place = f"line {trace_back.tb_lineno} of {code.co_filename}, in `{code.co_qualname}`: "
-            places[not code.co_filename.startswith(OURS)] = place
+            places[_is_own(code.co_filename)] = place
         trace_back = trace_back.tb_next
     return places[True] if own else places[True] or places[False]
 
@@ -252,7 +261,7 @@ def inline(
     """Return the results of a closed jaxpr, as arrays of values.
 
     - `arrays`: its arguments.
-    - `constants`: values of the arrays that it closes over; None: their numbers.
+    - `constants`: values of the constants of the jaxpr; None: the numbers in the jaxpr.
     - `named`: true to record the source location of each value, which takes time.
     - `library`: collects shared functions; None inlines all of them.
 
@@ -265,8 +274,8 @@ def inline(
 class _Inlining:
     """An inlining in progress.
 
-    - `within`: the surrounding function; origins exclude its callers.
-    - `call`: equation of the call, inside a called function.
+    - `within`: name of the surrounding function; origins exclude its callers.
+    - `call`: inside a called function, the equation of the outermost call.
     - `open`: equations whose inner jaxprs are being inlined, the outermost first.
     """
 
@@ -330,7 +339,7 @@ class _Inlining:
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
     def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
-        """Return the results of a call that stays a call; None if it must be inlined."""
+        """Return the results of a call to a shared function; None if the call must be inlined."""
         assert self.library is not None
 
         def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
@@ -369,10 +378,10 @@ def trace(
 ) -> Program:
     """Return `function(*args)` as a program; its inputs are the arrays in `args`, its outputs those in the result.
 
-    An array is named after its argument and its path in it: `parameters.surface.k1`, `state.q`.
+    An array's name consists of the argument's name and the path in its pytree: `parameters.surface.k1`, `state.q`.
 
     - `function`: pure, of pytrees of arrays.
-    - `args`: arrays, or shapes with dtypes; their numbers are not used.
+    - `args`: arrays, or shapes with dtypes; only shapes and dtypes are used.
     - `names`: names of the arguments; None: `arg0`, `arg1`, ...
     - `named`: true to record the source location of each value, which takes time.
     - `library`: collects shared functions; None inlines all of them.

@@ -30,7 +30,7 @@ def encode_leb128(value: int) -> bytes:
 
 
 MADD = bytes([0xFD, 0x87, 0x02])
-"""`f64x2.relaxed_madd`: product and sum, rounded once on processors with a fused multiply-add."""
+"""`f64x2.relaxed_madd`: product and sum, rounded once on CPUs with a fused multiply-add."""
 
 BLOCK, ONE, TWO, NUMBERS = (
     frozenset({0x02, 0x03, 0x04}),
@@ -38,6 +38,7 @@ BLOCK, ONE, TWO, NUMBERS = (
     0x11,
     {0x43: 4, 0x44: 8},
 )
+"""Opcodes with a block type, with one index or integer, or with two; constants, with their size [bytes]."""
 
 
 def find_multiply_adds(body: bytes) -> list[int]:
@@ -165,7 +166,7 @@ def functions_of(object: bytes) -> dict[str, int]:
 
 
 def _functions(table: bytes) -> Iterator[tuple[str, int]]:
-    """Yield the functions that the object file defines, up to the first symbol of another kind."""
+    """Yield name and index of each named function, up to the first symbol of another kind."""
     count, at = decode_leb128(table, 0)
     for _ in range(count):
         kind = table[at]

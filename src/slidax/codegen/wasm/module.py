@@ -52,7 +52,8 @@ class Body(Blocks):
 def helpers(once: str, twice: str) -> list[str]:
     """LLVM IR of two functions that replace a multiply-add.
 
-    - `once`: name of the function that rounds once, except for the last bit: exact product and sum (Dekker, Knuth).
+    - `once`: name of the function that rounds once, up to an error in the last bit: exact product and sum (Dekker,
+      Knuth).
     - `twice`: name of the function that rounds twice.
     """
     halves = f"splat (double {2.0**27 + 1.0})"
@@ -199,11 +200,11 @@ class Module:
 
     - `inputs`: type and number of elements.
     - `outputs`: type, number of elements (of a row, if logged), and True for a logged output.
-    - `digest`: equal for equal programs.
+    - `digest`: equal for equal programs and constants.
     - `code`: offsets of the beginning and the end of the code.
     - `entry_at`: offset after which multiply-adds may be rounded twice.
     - `once`, `twice`: indices of both replacement functions.
-    - `others`: offsets of equal bytes that are not a multiply-add.
+    - `others`: offsets at which the bytes equal those of a multiply-add, but are not this instruction.
     """
 
     bytes: bytes
@@ -218,7 +219,7 @@ class Module:
 
 
 def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None) -> Module:
-    """Compile a program, which is not changed.
+    """Compile a program to a WebAssembly module, without changing the program.
 
     - `known`: inputs that become constants of the module, by position; the module does not have them as inputs.
 

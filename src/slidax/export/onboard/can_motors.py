@@ -1,4 +1,4 @@
-"""The exported law on CAN motors with MIT mode, through python-can. Runs without slidax."""
+"""The exported law on CAN motors in MIT mode, through python-can. Runs without slidax."""
 
 from __future__ import annotations
 
@@ -27,23 +27,25 @@ from .pilot import (
 )
 
 STATUS = {"finished": 0, "stopped": 3, "motor": 4, "no bus": 5}
-"""Exit codes: motion over; stopped by the pilot; fault or silence of a motor; no bus."""
+"""Exit codes by the motion's end: finished; stopped by the pilot; a motor is faulty or silent; no bus found."""
 
 ENABLE, DISABLE = 0xFC, 0xFD
+"""Last byte of the frames that enable and disable a motor."""
+
 FAULT = 8
-"""Least error code of a motor that is a fault."""
+"""Smallest error code of a motor that reports a fault."""
 
 DAMPING, FADE = 1.0, 1.0
-"""N m s/rad and s: at the end the motors damp the arm, while the last torque fades."""
+"""Damping [N m s/rad] by the motors at the end, and time in which the last torque fades to 0 [s]."""
 
 
 class Motors:
-    """The arm's motors on one bus, with the methods `send`, `recv` of a `can.BusABC`.
+    """The arm's motors on one CAN bus.
 
-    - `bus`: open.
+    - `bus`: an open bus with the methods `send` and `recv` of `can.BusABC`.
     - `message`: the class `can.Message`.
-    - `ids`, `replies`: each motor's id, and the id of its feedback.
-    - `signs`, `zeros`: direction of each motor, and the joint's position at its 0 [rad].
+    - `ids`, `replies`: CAN id of each motor, and CAN id of its feedback.
+    - `signs`, `zeros`: direction of each motor, 1 or -1, and the joint's position at the motor's 0 [rad].
     """
 
     def __init__(
@@ -66,19 +68,23 @@ class Motors:
         self.errors = [0] * law.joints
 
     def order(self, order: int) -> None:
-        """Send a frame without numbers to each motor, such as ENABLE."""
+        """Send an order, ENABLE or DISABLE, to each motor."""
         for motor in self.ids:
             self._send(motor, bytes([0xFF] * 7 + [order]))
 
     def command(self, tau: Sequence[float], damping: float = 0.0) -> None:
-        """Send torques, N m."""
+        """Send a torque [N m] and the damping [N m s/rad] to each motor."""
         frame = ctypes.create_string_buffer(8)
         for at, motor in enumerate(self.motors):
             self.law.call("can_torque")(ctypes.byref(motor), tau[at], damping, frame)
             self._send(self.ids[at], frame.raw)
 
     def measure(self, until: float, now: Callable[[], float]) -> tuple[list[float], list[float]]:
-        """Return positions and velocities of all joints, rad and rad/s; NaN for a motor without an answer in time."""
+        """Return positions and velocities of all joints, rad and rad/s; NaN for a motor that does not answer in time.
+
+        - `until`: time of the clock at which to stop waiting [s].
+        - `now`: the clock.
+        """
         q, dq = [math.nan] * self.law.joints, [math.nan] * self.law.joints
         waiting = set(self.replies)
         while waiting:
@@ -105,7 +111,12 @@ def _structure(name: str, real: Any, numbers: Sequence[str], counts: Sequence[st
 
 @dataclass(frozen=True)
 class CanOutcome:
-    """End of a motion: "finished", "stopped" by the pilot, or "motor"; why; the reference's phase."""
+    """End of a motion.
+
+    - `ending`: "finished", "stopped" (by the pilot), or "motor" (a motor is faulty or silent).
+    - `why`: the reason in words.
+    - `phase`: phase of the reference at the end.
+    """
 
     ending: str
     why: str
@@ -122,11 +133,11 @@ def run_can(
 ) -> CanOutcome:
     """Move the arm until the motion is over or a check fails; then damp it, fade its torque and disable the motors.
 
-    A torque of one period is answered with a state, which the law reads in the next period.
+    A motor answers each torque with its state, which the law reads in the next period.
 
-    - `log`: records every period.
-    - `stop_requests`: the arm comes to rest once this list is not empty.
-    - `now`, `sleep`: the clock, s.
+    - `log`: log to which each period is added.
+    - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
+    - `now`, `sleep`: clock [s], and a function that waits for a time [s].
     """
     period, tau = pilot.law.period, [0.0] * pilot.law.joints
     motors.order(ENABLE)
@@ -172,17 +183,17 @@ def run_can(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; its exit codes are in `STATUS`."""
+    """Run the program; return an exit code from `STATUS`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("channel", help="of the bus, such as can0")
-    parser.add_argument("--interface", default="socketcan", help="of python-can")
-    parser.add_argument("--fd", action="store_true", help="CAN FD")
-    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
-    parser.add_argument("--ids", type=_whole, nargs="+", help="of the motors, in the law's order; default: 1, 2, ...")
-    parser.add_argument("--replies", type=_whole, nargs="+", help="ids of their feedback; default: 0x11, 0x12, ...")
-    parser.add_argument("--signs", type=float, nargs="+", help="1 or -1 for each motor")
-    parser.add_argument("--zeros", type=float, nargs="+", help="joint position at each motor's 0 [rad]")
-    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    parser.add_argument("channel", help="channel of the CAN bus, such as can0")
+    parser.add_argument("--interface", default="socketcan", help="interface of python-can")
+    parser.add_argument("--fd", action="store_true", help="use CAN FD")
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="folder of the exported law")
+    parser.add_argument("--ids", type=_whole, nargs="+", help="motor ids in the law's order; default: 1, 2, ...")
+    parser.add_argument("--replies", type=_whole, nargs="+", help="ids of the feedback; default: 0x11, 0x12, ...")
+    parser.add_argument("--signs", type=float, nargs="+", help="direction of each motor, 1 or -1; default: 1")
+    parser.add_argument("--zeros", type=float, nargs="+", help="joint position at each motor's 0, rad; default: 0")
+    parser.add_argument("--no-realtime", action="store_true", help="continue without real-time priority")
     add_path_options(parser)
     options = parser.parse_args(arguments)
     try:

@@ -12,16 +12,17 @@ from typing import Any
 from .pilot import FINISH, STOP, MotionLog, Pilot, load_law, prepare, request_real_time_priority, robot_parser
 
 STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
-"""Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
+"""Exit codes by the motion's end: finished; stopped by the pilot; stopped by the robot's reflex; no robot found."""
 
 
 @dataclass(frozen=True)
 class FrankaOutcome:
     """End of a motion.
 
-    - `ending`: "finished", "stopped" by the pilot, "reflex" of the robot, or "no robot".
-    - `phase`: phase of the reference on its path.
-    - `success_rate`: smallest share of commands that arrived, as the robot counts it over its last 100.
+    - `ending`: "finished", "stopped" (by the pilot), "reflex" (by the robot), or "no robot".
+    - `why`: the reason in words.
+    - `phase`: phase of the reference at the end.
+    - `success_rate`: smallest share of commands that arrived, which the robot counts over its last 100 periods.
     """
 
     ending: str
@@ -36,8 +37,8 @@ def run_franka(
     """Move the arm until the motion is over or a check fails.
 
     - `robot`, `torques`: a `pylibfranka.Robot`, and the class `pylibfranka.Torques`.
-    - `log`: records every period.
-    - `stop_requests`: the arm comes to rest once this list is not empty.
+    - `log`: log to which each period is added.
+    - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     """
     least = 1.0
     try:
@@ -55,14 +56,14 @@ def run_franka(
                 stop_requests.clear()
             action = pilot.step(elapsed.to_sec(), state.q, state.dq)
             rate = state.control_command_success_rate
-            # It counts over 100 periods, and begins at 0.
+            # The rate counts over 100 periods, and begins at 0.
             if pilot.report.steps > 100:
                 least = min(least, rate)
             if action != STOP:
                 command = torques(list(pilot.report.tau))
                 finished = action == FINISH
                 command.motion_finished = finished
-                # First of all: what comes after the period's end is a lost packet.
+                # The command comes before the log: after the period's end it would count as a lost packet.
                 control.writeOnce(command)
             if log is not None:
                 log.add(pilot, state.q, state.dq, rate)
@@ -75,10 +76,10 @@ def run_franka(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; its exit codes are in `STATUS`."""
+    """Run the program; return an exit code from `STATUS`."""
     parser = robot_parser(__doc__, Path(__file__).parent)
-    parser.add_argument("--torque-threshold", type=float, default=40.0, help="of the robot's collision reflex, N m")
-    parser.add_argument("--force-threshold", type=float, default=60.0, help="of the robot's collision reflex, N")
+    parser.add_argument("--torque-threshold", type=float, default=40.0, help="torque of the collision reflex, N m")
+    parser.add_argument("--force-threshold", type=float, default=60.0, help="force of the collision reflex, N")
     options = parser.parse_args(arguments)
     try:
         import pylibfranka

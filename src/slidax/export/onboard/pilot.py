@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 GO, FINISH, STOP = 0, 1, 2
-"""Action with a torque: send it; send it and end; end at once."""
+"""Actions after a step: send the torque; send the torque and end the control; end the control at once."""
 
 C_TYPES: dict[str, Any] = {
     "double": ctypes.c_double,
@@ -30,16 +30,18 @@ C_TYPES: dict[str, Any] = {
 }
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
-"""Of the compiler; the answers to NaN are part of the contract, so there is no -ffast-math."""
+"""Compiler options; without -ffast-math, since the step's result for NaN is specified."""
 
 POINTS = 256
 """Largest number of points of a trajectory, as in C."""
 
 
 def compile_library(folder: Path, sources: Sequence[str], name: str) -> Path:
-    """Compile C files of a folder to the shared library `name` there, unless it is newer; return its path.
+    """Compile C files to the shared library `name` in their folder, and return its path.
 
-    Raises OSError if a file or the compiler is missing, subprocess.CalledProcessError if they do not compile.
+    A library that is newer than all C files is not compiled again.
+
+    Raises OSError if a file or the compiler is missing, subprocess.CalledProcessError if the files do not compile.
     """
     paths, library = [folder / source for source in sources], folder / name
     newest = max(each.stat().st_mtime for each in paths)
@@ -55,12 +57,12 @@ def compile_library(folder: Path, sources: Sequence[str], name: str) -> Path:
 
 
 class CompiledLaw:
-    """An exported law, compiled and loaded.
+    """An exported law with its pilot, compiled and loaded.
 
     - `folder`: folder with `law.json` and the C files.
-    - `library`: a compiled shared library; by default compiled next to the sources if they are newer.
+    - `library`: a compiled shared library; by default the C files are compiled, unless their library is newer.
 
-    Raises OSError if there is no law, subprocess.CalledProcessError if it does not compile.
+    Raises OSError if the folder has no law, subprocess.CalledProcessError if it does not compile.
     """
 
     def __init__(self, folder: str | os.PathLike[str], library: str | os.PathLike[str] | None = None) -> None:
@@ -77,20 +79,20 @@ class CompiledLaw:
         self._functions()
 
     def pilot(self) -> Pilot:
-        """A pilot with the exported options and parameters."""
+        """Return a new pilot with the exported options and parameters."""
         return Pilot(self)
 
     def conditions(self, status: int) -> list[str]:
-        """Names of the bits that are set in a status."""
+        """Return the names of the bits that are set in a status."""
         return [each["name"] for each in self.about["conditions"] if status & each["bit"]]
 
     def text(self, kind: str, number: int) -> str:
-        """Text for a "phase", a "reason" or a trajectory's verdict ("taken")."""
+        """Return the text for a number of the kind "phase", "reason" or "taken" (the verdict on a trajectory)."""
         text: bytes = self.call(f"{kind}_text")(number)
         return text.decode()
 
     def call(self, name: str) -> Any:
-        """A function of the library, by its name without the prefix."""
+        """Return a function of the library, by its name without the law's prefix."""
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
@@ -176,9 +178,9 @@ class CompiledLaw:
 
 
 class Pilot:
-    """One arm's pilot: the structures of C, read and set from Python.
+    """The pilot of one arm. Its attributes are C structures, which Python reads and sets directly.
 
-    `options` and `parameters` may be changed before `begin`; `report`, `reference` and `command` describe the last
+    `options` and `parameters` may be changed before `begin`. `report`, `reference` and `command` describe the last
     step.
     """
 
@@ -195,14 +197,14 @@ class Pilot:
         self._step = law.call("pilot_step")
 
     def begin(self, q: Sequence[float]) -> bool:
-        """Begin at the posture `q`, rad or m; False if it or an option is invalid, with the reason in the report."""
+        """Begin at the posture `q` [rad or m]; return False if it or an option is invalid: `report` has the reason."""
         self._q[:] = list(q)
         return self.law.call("pilot_begin")(self._at, self._q)
 
     def step(self, elapsed: float, q: Sequence[float], dq: Sequence[float]) -> int:
         """Run one period; return GO, FINISH or STOP. The torque is `report.tau`.
 
-        - `elapsed`: since the last one [s]; 0 at the first.
+        - `elapsed`: time since the previous period [s]; 0 at the first.
         - `q`, `dq`: measured positions and velocities.
         """
         self._q[:] = q
@@ -210,11 +212,11 @@ class Pilot:
         return self._step(self._at, elapsed, self._q, self._dq)
 
     def rest(self) -> None:
-        """Request the end: the arm comes to rest along its path."""
+        """Request the end of the motion: the arm comes to rest along its path, then a step returns FINISH."""
         self.law.call("pilot_rest")(self._at)
 
     def halt(self) -> None:
-        """Slow down along the trajectory to rest; the next one may come at any time."""
+        """Slow down to rest along the trajectory; the next trajectory may come at any time."""
         self.law.call("pilot_halt")(self._at)
 
     def take(
@@ -224,12 +226,12 @@ class Pilot:
         dq: Sequence[Sequence[float]] | None = None,
         ddq: Sequence[Sequence[float]] | None = None,
     ) -> str:
-        """Follow a trajectory from now on, if `options.follows` is set; return "" or why it is refused.
+        """Follow a trajectory from now on, if `options.follows` is set; return the reason if it is rejected, else "".
 
-        Positions and speeds are checked; `admit` checks accelerations and torques as well.
+        Positions and speeds are checked here. `admit` also checks accelerations and torques.
 
-        - `times`: times of its points from now on, increasing [s]; a first point at 0 is where the arm should be.
-        - `q`, `dq`, `ddq`: positions, and optional velocities and accelerations there.
+        - `times`: increasing times of the points after now [s]; a first point at 0 must be near the current reference.
+        - `q`, `dq`, `ddq`: positions of the points, and optionally their velocities and accelerations.
         """
         if len(times) >= POINTS:
             return self.law.text("taken", 1)
@@ -237,21 +239,22 @@ class Pilot:
         return self.law.text("taken", taken) if taken else ""
 
     def stream(self, q: Sequence[float]) -> str:
-        """Follow the positions of a host from now on, if `options.follows` is set; return "" or why they are refused.
+        """Follow streamed positions from now on, if `options.follows` is set; return the reason if rejected, else "".
 
-        For a law that was exported with a streamed reference; call it for each of the host's positions, at any rate.
+        The law must have been exported with a streamed reference. Call this for each position of the host, at any rate.
         """
         self._q[:] = q
         taken: int = self.law.call("pilot_stream")(self._at, self._q)
         return self.law.text("taken", taken) if taken else ""
 
     def admit(self, trajectory: Any, slowest: float = 1.0) -> Any:
-        """Check a trajectory against all limits from the current reference on; return the admission.
+        """Check a trajectory that starts at the current reference against all limits; return the C structure admission.
 
-        `slowdown` is 0 if it is refused, and `violation` tells joint, time, value and limit.
+        Its `slowdown` is the factor of the trajectory's times, or 0 if the trajectory is rejected. Its `violation` has
+        joint, time, value and limit of the first violation.
 
-        - `trajectory`: as from `trajectory`; if slowed down, changed in place.
-        - `slowest`: largest factor by which it may be slowed down, >= 1.
+        - `trajectory`: a structure from `trajectory`; if it is slowed down, it is changed in place.
+        - `slowest`: largest factor by which the trajectory may be slowed down, >= 1.
         """
         admission = self.law.Admission()
         self.law.call("admit")(self.options, self.parameters, self.reference, trajectory, slowest, admission)
@@ -264,7 +267,7 @@ class Pilot:
         dq: Sequence[Sequence[float]] | None = None,
         ddq: Sequence[Sequence[float]] | None = None,
     ) -> Any:
-        """A trajectory as a structure of C; the arguments are those of `take`, with fewer than `POINTS` points."""
+        """Return a trajectory as a C structure; the arguments are those of `take`, with fewer than `POINTS` points."""
         trajectory = self.law.Trajectory()
         trajectory.count = len(times)
         trajectory.velocities, trajectory.accelerations = dq is not None, ddq is not None
@@ -280,17 +283,17 @@ class Pilot:
 
     @property
     def phase(self) -> str:
-        """The reference's phase on its path."""
+        """Phase of the reference, such as "hold" or "motion"."""
         return self.law.phases[self.report.phase]
 
     @property
     def why(self) -> str:
-        """Why the arm came to rest or the control stopped, with the joint."""
+        """Reason for which the arm came to rest or the control stopped, with the joint."""
         text = self.law.text("reason", self.report.reason)
         return f"{text} (joint {self.report.joint})" if self.report.joint else text
 
     def signals(self) -> dict[str, list[float]]:
-        """The law's signals at the last step, and the torque, by name; a scalar is a list of one."""
+        """Return the torque and the law's signals at the last step, by name; a scalar is a list with one number."""
         values = {}
         for each in self.law.about["structures"]["command"]:
             value = getattr(self.command, each["name"])
@@ -299,10 +302,7 @@ class Pilot:
 
 
 def speeds(dq: Sequence[float]) -> float:
-    """The largest of some speeds, 0 if none is finite.
-
-    - `dq`: velocities.
-    """
+    """Return the largest speed among the velocities `dq`; 0 if none is finite."""
     return max((abs(value) for value in dq if math.isfinite(value)), default=0.0)
 
 
@@ -314,7 +314,7 @@ PER_JOINT = ("q", "dq", "tau", "q_wanted", "dq_wanted", "error")
 
 
 class MotionLog:
-    """Rows in memory, written when the motion is over: no file is touched while the arm moves."""
+    """Log of a motion in memory. It is written to a file when the motion is over, never while the arm moves."""
 
     def __init__(self, law: CompiledLaw) -> None:
         joints = range(1, law.joints + 1)
@@ -323,7 +323,7 @@ class MotionLog:
         self.rows: list[tuple[float, ...]] = []
 
     def add(self, pilot: Pilot, q: Sequence[float], dq: Sequence[float], success_rate: float = 1.0) -> None:
-        """Add one period after the pilot's step.
+        """Add a row for the period of the pilot's last step.
 
         - `success_rate`: success rate of the link to the robot, as counted by the robot.
         """
@@ -345,7 +345,7 @@ class MotionLog:
         )
 
     def column(self, name: str) -> list[float]:
-        """One column, such as `q_1`."""
+        """Return one column by its name, such as `q_1`."""
         at = self.columns.index(name)
         return [row[at] for row in self.rows]
 
@@ -358,7 +358,7 @@ class MotionLog:
 
 
 def load_law(parser: argparse.ArgumentParser, folder: Path) -> CompiledLaw:
-    """Load the law of a folder, compiled if necessary; end the program with one line if that fails."""
+    """Load the exported law of a folder, and compile it if necessary; end the program with a message if that fails."""
     try:
         return CompiledLaw(folder)
     except FileNotFoundError as error:
@@ -373,7 +373,7 @@ def _compiler() -> list[str]:
 
 
 def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
-    """Copy options of the command line to the pilot."""
+    """Copy the command-line options of `add_path_options` to the pilot."""
     path = pilot.options.path
     for name in ("hold", "speed", "amplitude", "small", "widen", "motion"):
         value = getattr(arguments, name)
@@ -386,41 +386,41 @@ def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
 
 
 def add_path_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the first motion."""
+    """Add the options for the phases of the path and for the largest errors."""
     for name, unit, meaning in (
-        ("hold", "S", "how long the measured posture is held"),
-        ("speed", "RAD/S", "of the fastest joint on the way to the motion's beginning"),
-        ("amplitude", "SHARE", "of the motion while it is small"),
-        ("small", "S", "how long it is small"),
-        ("widen", "S", "in which it widens to the whole"),
-        ("motion", "S", "how long the whole motion lasts"),
-        ("error-hold", "RAD", "largest error while it holds"),
-        ("error-small", "RAD", "largest error while the motion is small"),
-        ("error-full", "RAD", "largest error later"),
+        ("hold", "S", "time for which the measured posture is held"),
+        ("speed", "RAD/S", "speed of the fastest joint in the approach to the start of the motion"),
+        ("amplitude", "SHARE", "amplitude of the small motion, relative to the full motion"),
+        ("small", "S", "duration of the small motion"),
+        ("widen", "S", "time in which the small motion grows to the full motion"),
+        ("motion", "S", "duration of the full motion"),
+        ("error-hold", "RAD", "largest error while the posture is held"),
+        ("error-small", "RAD", "largest error in the approach and in the small motion"),
+        ("error-full", "RAD", "largest error in the full motion"),
     ):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"{meaning}; the exported one if not given")
-    parser.add_argument("--log", type=Path, help="write what happened as CSV")
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"{meaning}; by default the exported value")
+    parser.add_argument("--log", type=Path, help="write a log of the motion to this CSV file")
 
 
 def robot_parser(description: str | None, folder: Path) -> argparse.ArgumentParser:
-    """Return a parser with the options of all programs that control a robot.
+    """Return a parser with the options that all programs for robots share.
 
-    - `folder`: folder of the program, with the law in its folder `law`.
+    - `folder`: folder of the program, with the exported law in its subfolder `law`.
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("address", help="of the robot")
-    parser.add_argument("--law", type=Path, default=folder / "law", help="the folder of the law")
+    parser.add_argument("address", help="network address of the robot")
+    parser.add_argument("--law", type=Path, default=folder / "law", help="folder of the exported law")
     load = ("KG", "X", "Y", "Z")
-    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="told to the robot: mass and place")
-    parser.add_argument("--no-realtime", action="store_true", help="go on without a real-time priority")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="payload for the robot: mass and centre, m")
+    parser.add_argument("--no-realtime", action="store_true", help="continue without real-time priority")
     add_path_options(parser)
     return parser
 
 
 def request_real_time_priority(enforce: bool) -> None:
-    """Request real-time priority.
+    """Request real-time priority, and switch garbage collection off.
 
-    Raises OSError if the system refuses it and `enforce` is set.
+    Raises OSError if the system refuses the priority and `enforce` is set.
     """
     gc.collect()
     gc.disable()

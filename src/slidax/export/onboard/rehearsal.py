@@ -1,4 +1,4 @@
-"""Rehearsal: the scenario's own arm in place of the robot. Runs without slidax."""
+"""Rehearsal of the motion with a simulation of the scenario's arm in place of the robot. Runs without slidax."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .pilot import FINISH, GO, STOP, CompiledLaw, MotionLog, Pilot, add_path_opt
 
 
 class RehearsalArm:
-    """The scenario's arm with its sensor's delay; weightless if the law's robot carries its weight.
+    """Simulation of the scenario's arm with its sensor's delay; without gravity if the robot compensates gravity.
 
     - `q`: initial posture; by default the scenario's.
     """
@@ -35,17 +35,17 @@ class RehearsalArm:
         self.move_by.argtypes = [ctypes.c_void_p, law.real, law.vector]
 
     def measured(self) -> tuple[list[float], list[float]]:
-        """Positions and velocities as they arrive now."""
+        """Return the positions and velocities that arrive now, which are older by the sensor's delay."""
         late = self.then[-1]
         return list(late.q), list(late.dq)
 
     def move(self, tau: Sequence[float]) -> None:
-        """Move for one period under a torque [N m or N]."""
+        """Simulate one period with a constant torque [N m or N]."""
         self.move_by(ctypes.addressof(self.then), self.law.period, self.law.vector(*tau))
 
 
 def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most: float = 600.0) -> int:
-    """Run the whole motion, at most `most` seconds; return the last action."""
+    """Run the motion to its end, but at most `most` seconds; return the last action: FINISH, STOP, or GO at timeout."""
     q, dq = arm.measured()
     if not pilot.begin(q):
         return STOP
@@ -61,14 +61,15 @@ def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most
 
 
 def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
-    """Pass a log through the law again; return the largest difference of a torque [N m or N], 0 if all bits agree.
+    """Run the law again on the measurements of a log; return the largest difference of a torque [N m or N].
 
     - `pilot`: pilot with the options of the logged motion.
+    - `rows`: the log, from `read`.
     """
     joints = range(1, pilot.law.joints + 1)
     largest = 0.0
     before = rows[0]["time"]
-    # The posture in which it began is what it wanted first.
+    # The motion began at the posture that is its first reference.
     pilot.begin([rows[0][f"q_wanted_{k}"] for k in joints])
     for row in rows:
         # Robots count whole milliseconds.
@@ -88,10 +89,10 @@ def read(path: str | Path) -> list[dict[str, float]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program: 0 if the motion came to its end, 3 if the pilot stopped it."""
+    """Run the program; return the exit code: 0 if the motion came to its end, 3 if the pilot stopped it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
-    parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="where the arm stands")
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="folder of the exported law")
+    parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="initial joint positions of the arm")
     add_path_options(parser)
     options = parser.parse_args(arguments)
     law = load_law(parser, options.law)

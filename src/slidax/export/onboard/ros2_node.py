@@ -12,11 +12,11 @@ from .pilot import FINISH, STOP, CompiledLaw, load_law
 
 
 class Node:
-    """Runs the step at every joint state.
+    """Runs the law once for each JointState message.
 
     - `ros`: an `rclpy` node.
     - `joints`: names of the joints, in the law's order.
-    - `messages`: the classes JointState, JointTrajectory, Float64MultiArray and MultiArrayDimension.
+    - `messages`: the message classes JointState, JointTrajectory, Float64MultiArray and MultiArrayDimension.
     """
 
     def __init__(self, ros: Any, law: CompiledLaw, joints: Sequence[str], messages: Sequence[Any]) -> None:
@@ -33,7 +33,7 @@ class Node:
         ros.create_subscription(trajectory, "~/joint_trajectory", self.wanted, 10)
 
     def measured(self, message: Any) -> None:
-        """Run one period: a JointState in, whose stamp is the time; an effort out."""
+        """Run one period with a JointState, whose stamp is the time, and publish the effort."""
         if self.ended:
             return
         try:
@@ -90,7 +90,7 @@ class Node:
         self.ros.get_logger().error(f"stopped: {self.pilot.why}")
 
     def _told(self) -> Any:
-        """Signals, errors and status, each with its name in the layout."""
+        """Return the state message: signals, errors and status, each with its name as a label in the layout."""
         report = self.pilot.report
         numbers = {
             **self.pilot.signals(),
@@ -108,11 +108,11 @@ class Node:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program: 0 at its end, 5 if ROS 2 is missing."""
+    """Run the program; return the exit code: 0 at its end, 5 if ROS 2 is missing."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="the folder of the law")
+    parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="folder of the exported law")
     parser.add_argument(
-        "--joints", nargs="+", help="names of the joints, in the law's order; those of the robot's file if not options"
+        "--joints", nargs="+", help="joint names in the law's order; by default those of the robot's file"
     )
     options, rest = parser.parse_known_args(arguments)
     try:

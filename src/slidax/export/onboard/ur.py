@@ -13,22 +13,24 @@ from typing import Protocol
 from .pilot import FINISH, GO, STOP, MotionLog, Pilot, load_law, prepare, request_real_time_priority, robot_parser
 
 STATUS = {"finished": 0, "stopped": 3, "robot": 4, "no robot": 5}
-"""Exit codes: motion over; stopped by the pilot; stopped by the robot; no robot."""
+"""Exit codes by the motion's end: finished; stopped by the pilot; stopped by the robot; no robot found."""
 
 FREQUENCY = 500.0
+"""Rate of the robot's data and commands [Hz]."""
+
 WATCHDOG = 50.0
 """Rate of commands below which the robot's own script ends [Hz]."""
 
 VISCOUS = (0.9, 0.9, 0.8, 0.9, 0.9, 0.9)
 COULOMB = (0.8, 0.8, 0.7, 0.8, 0.8, 0.8)
-"""Shares of the robot's friction model that it compensates, the robot's own defaults; the law learns the rest."""
+"""Shares of its viscous and Coulomb friction that the robot compensates: its own defaults. The law learns the rest."""
 
 
 class Control(Protocol):
-    """The methods used of `rtde_control.RTDEControlInterface`."""
+    """The methods of `rtde_control.RTDEControlInterface` that the program uses."""
 
     def directTorque(self, torque: list[float], viscous_scale: list[float], coulomb_scale: list[float]) -> bool:
-        """Send one torque."""
+        """Send the joint torques [N m] and the shares of friction to compensate; return False if the robot refuses."""
 
     def initPeriod(self) -> datetime.timedelta:
         """Start of a period."""
@@ -40,7 +42,7 @@ class Control(Protocol):
         """Report that the loop is alive."""
 
     def setWatchdog(self, min_frequency: float) -> bool:
-        """Set the required rate of such reports."""
+        """Set the least rate at which `kickWatchdog` must be called [Hz]."""
 
     def setPayload(self, arg0: float, arg1: list[float]) -> bool:
         """Set mass and centre of the payload."""
@@ -53,7 +55,7 @@ class Control(Protocol):
 
 
 class Receive(Protocol):
-    """The methods used of `rtde_receive.RTDEReceiveInterface`."""
+    """The methods of `rtde_receive.RTDEReceiveInterface` that the program uses."""
 
     def getActualQ(self) -> list[float]:
         """Positions [rad]."""
@@ -75,8 +77,9 @@ class Receive(Protocol):
 class UrOutcome:
     """End of a motion.
 
-    - `ending`: "finished", "stopped" by the pilot, "robot" if the robot stopped it, or "no robot".
-    - `phase`: phase of the reference on its path.
+    - `ending`: "finished", "stopped" (by the pilot), "robot" (stopped by the robot), or "no robot".
+    - `why`: the reason in words.
+    - `phase`: phase of the reference at the end.
     """
 
     ending: str
@@ -94,9 +97,9 @@ def run_ur(
 ) -> UrOutcome:
     """Move the arm until the motion is over or a check fails.
 
-    - `log`: records every period.
-    - `stop_requests`: the arm comes to rest once this list is not empty.
-    - `friction`: shares of the robot's viscous and Coulomb friction that it compensates.
+    - `log`: log to which each period is added.
+    - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
+    - `friction`: shares of viscous and of Coulomb friction that the robot compensates, one number per joint each.
     """
     viscous, coulomb = (list(share) for share in friction)
     if not pilot.begin(receive.getActualQ()):
@@ -110,10 +113,10 @@ def run_ur(
                 return UrOutcome("robot", "the robot is stopped: look at its screen", pilot.phase)
             elapsed = 0.0 if before is None else now - before
             if before is not None and elapsed <= 0.0:
-                # The same state again: the last torque stands, and time goes on when the robot's does.
+                # The state is the previous one again: keep the last torque until the robot's time goes on.
                 waited += 1
                 if waited >= pilot.options.lost:
-                    return UrOutcome("robot", "the robot tells no new state", pilot.phase)
+                    return UrOutcome("robot", "the robot sends no new state", pilot.phase)
             else:
                 before, waited, fresh = now, 0, True
                 if stop_requests:
@@ -122,7 +125,7 @@ def run_ur(
                 q, dq = receive.getActualQ(), receive.getActualQd()
                 action = pilot.step(elapsed, q, dq)
             accepted = action == STOP or control.directTorque(list(pilot.report.tau), viscous, coulomb)
-            # Written once the torque is under way, which nothing here may make late.
+            # The log comes after the torque, so that logging cannot delay the torque.
             if log is not None and fresh:
                 log.add(pilot, q, dq)
             if action == STOP:
@@ -138,10 +141,10 @@ def run_ur(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; its exit codes are in `STATUS`."""
+    """Run the program; return an exit code from `STATUS`."""
     parser = robot_parser(__doc__, Path(__file__).parent)
-    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="shares that the robot compensates")
-    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="shares that the robot compensates")
+    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="compensated share per joint")
+    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="compensated share per joint")
     options = parser.parse_args(arguments)
     try:
         import rtde_control

@@ -37,13 +37,16 @@ TITLES = {
     "margin": ("distance to the nearer bound, of the width", ""),
     "assumption_violated": ("1 where the law's monitor reports its guarantee void", ""),
 }
-"""Title of each signal, and the quantity whose unit it has."""
+"""Title of each signal on the page, and the quantity whose unit the signal has."""
 
 
 def signals_of(loop: ClosedLoop, before: Carry, log: Log) -> dict[str, Any]:
-    """Signals of one sample, each a scalar or [n].
+    """Return the signals of one sample by name, each a scalar or [n].
 
-    Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without one.
+    Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without an envelope.
+
+    - `before`: state of the loop before the sample.
+    - `log`: logged values of the sample.
     """
     e = log.e
     signals = {"t": log.t, "q": log.state.q, "e": e, "tau": log.tau}
@@ -58,7 +61,7 @@ def signals_of(loop: ClosedLoop, before: Carry, log: Log) -> dict[str, Any]:
 
 
 def bounds_of(loop: ClosedLoop, before: Carry, log: Log) -> Envelope | None:
-    """Bounds of the scheme's envelope, or of the tolerance band."""
+    """Return the bounds of the scheme's envelope, or of the tolerance band; None if there is neither."""
     if log.envelope is not None or loop.tolerance is None:
         return log.envelope
     assert before.tally.tolerance is not None
@@ -67,15 +70,15 @@ def bounds_of(loop: ClosedLoop, before: Carry, log: Log) -> Envelope | None:
 
 
 ROWS = 1000
-"""Approximate rows of a run's log: as many as a chart has pixels."""
+"""Approximate number of rows in a run's log: as many as a chart has pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A scenario that a page can run.
+    """A scenario that a page can run, with the values that are inputs of its program.
 
-    - `family`: the scenario, with the paths that are inputs.
-    - `templates`: the scenario, built.
+    - `family`: the scenario, with the paths of the inputs.
+    - `templates`: the built scenario.
     - `defaults`: defaults of the inputs, by path.
     """
 
@@ -89,7 +92,7 @@ class Variant:
         return {path: value.shape for path, value in self.defaults.items()}
 
     def loop(self, values: Mapping[str, Any]) -> tuple[ClosedLoop, State]:
-        """The closed loop with these values; others keep the scenario's own."""
+        """Return the closed loop and its initial state, with new values by path; other values stay the scenario's."""
         built = self.templates.built
         plant, controller, trajectory, state0, *tolerance = self.family.parts(self.templates, values)
         assert not isinstance(plant, MujocoPlant)
@@ -98,31 +101,31 @@ class Variant:
 
     @cached_property
     def parted(self) -> tuple[list[Any], Any, Any]:
-        """The loop's arrays, their tree, and all else."""
+        """The loop's arrays, the structure of their tree, and all parts of the loop that are not arrays."""
         arrays, rest = eqx.partition(self.loop({}), eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)
         return leaves, tree, rest
 
     @property
     def form(self) -> Any:
-        """All that compiled code depends on, except the arrays' values."""
+        """All that compiled code depends on except the arrays' values; variants of equal form can share a program."""
         leaves, tree, rest = self.parted
         others, other_tree = jax.tree.flatten(rest)
         return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), other_tree, tuple(others)
 
     @property
     def samples(self) -> int:
-        """Samples of a run."""
+        """Number of samples of a run."""
         return round(self.templates.built.t1 / self.templates.built.period) + 1
 
     @property
     def every(self) -> int:
-        """Logging stride, in samples."""
+        """Logging stride [samples]."""
         return max(1, (self.samples - 1) // ROWS)
 
     @cached_property
     def varies(self) -> list[bool]:
-        """True for each array that depends on the inputs."""
+        """For each array of the loop, True if it depends on the inputs."""
         varies: list[bool] = []
 
         def probe(inputs: Array) -> int:
@@ -134,12 +137,12 @@ class Variant:
 
     @property
     def size(self) -> int:
-        """Total length of the inputs."""
+        """Length of the input vector."""
         return sum(int(np.prod(shape, dtype=int)) for shape in self.shapes.values())
 
     @cached_property
     def depends(self) -> list[set[str]]:
-        """Paths that each array depends on."""
+        """For each array of the loop, the paths of the inputs on which it depends."""
         inputs = [jax.ShapeDtypeStruct(shape, float) for shape in self.shapes.values()]
         jaxpr = jax.make_jaxpr(lambda *values: self._arrays(dict(zip(self.shapes, values, strict=True))))(*inputs).jaxpr
         known: dict[Any, set[str]] = {atom: {path} for atom, path in zip(jaxpr.invars, self.shapes, strict=True)}
@@ -152,7 +155,7 @@ class Variant:
         return [of([atom]) for atom in jaxpr.outvars]
 
     def values(self, inputs: Array) -> dict[str, Array]:
-        """Split the input vector by path."""
+        """Return the inputs by path, from the input vector."""
         values, first = {}, 0
         for path, shape in self.shapes.items():
             size = int(np.prod(shape, dtype=int))
@@ -161,11 +164,11 @@ class Variant:
         return values
 
     def leaves(self, inputs: Array) -> list[Any]:
-        """Arrays of the loop for an input vector."""
+        """Return the arrays of the loop for an input vector."""
         return self._arrays(self.values(inputs))
 
     def _arrays(self, values: Mapping[str, Array]) -> list[Any]:
-        # Values that do not depend on the inputs stay concrete, and are checked, while this is traced.
+        # During tracing, values that do not depend on the inputs stay concrete, so that they are checked.
         with jax.ensure_compile_time_eval():
             arrays, _ = eqx.partition(self.loop(values), eqx.is_array)
         return jax.tree.leaves(arrays)
@@ -173,11 +176,11 @@ class Variant:
 
 @dataclass(frozen=True)
 class LoopProgram:
-    """A closed loop for a browser, shared by several variants.
+    """A closed loop in WebAssembly for a browser, shared by several variants.
 
-    - `module`: the WebAssembly.
-    - `entry`: its call interface, as JSON; see `docs/browser.md`.
-    - `constants`: for each variant, the inputs after the tunables.
+    - `module`: the WebAssembly module.
+    - `entry`: its call interface as JSON data; see `docs/browser.md`.
+    - `constants`: for each variant, the part of the input vector after the tunable values.
     """
 
     module: Module
@@ -186,14 +189,14 @@ class LoopProgram:
 
 
 def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
-    """One program for several variants; None if their arrays differ where the inputs decide them.
+    """Return one program for several variants; None if an array that depends on the tunable values also differs.
 
-    The inputs are the tunable values, then the arrays that differ between the variants, the number of samples, and the
-    logging stride.
+    The program's inputs are the tunable values, the arrays that differ between the variants, the number of samples, and
+    the logging stride.
 
     - `variants`: variants of one form.
 
-    Raises DefinitionError if there is no code for something in it.
+    Raises DefinitionError if an operation of the loop cannot be compiled.
     """
     variant0 = variants[0]
     fixed, tree, rest = variant0.parted
@@ -204,7 +207,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
     promised: list[bool] = []
 
     def beforehand(both: tuple[Array, list[Array]]) -> list[Array]:
-        # All arrays are traced, as in a run of Python, so that rounding agrees.
+        # All arrays are traced, as in a simulation in Python, so that both round in the same way.
         values_in, known = both
         leaves, first = variant0.leaves(values_in[: variant0.size]), variant0.size
         values = variant0.values(values_in[: variant0.size])
@@ -215,7 +218,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
             elif not variant0.varies[k]:
                 leaves[k] = known[k]
             else:
-                # With unchanged inputs it has exactly Python's value.
+                # With the default inputs, the array has exactly its value in Python.
                 same = [jnp.all(values[path] == variant0.defaults[path]) for path in variant0.depends[k]]
                 leaves[k] = jnp.where(jnp.all(jnp.stack(same)), known[k], leaves[k])
         return leaves
@@ -257,7 +260,7 @@ def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
 def _start(
     loop: ClosedLoop, state: State, envelope: Envelope | None, reference: Reference, held: Any
 ) -> dict[str, Array]:
-    """Values that decide if the run may begin: see `slidax.simulation.define.require_start`."""
+    """Return the values that determine if the run may begin: see `slidax.simulation.define.require_start`."""
     e = state.q - reference.q
     start = {"e": e, "period": loop.period}
     if held is not None and loop.plant.actuator is not None:
@@ -316,5 +319,5 @@ def _entry(
 
 
 def pack_bytes(data: bytes) -> str:
-    """Bytes as a page holds them: reproducible gzip, in base64."""
+    """Return bytes as text for a page: gzip without a time stamp, in base64."""
     return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()

@@ -1,4 +1,4 @@
-"""The playground: arms, settings and programs in one HTML file that needs no server."""
+"""The playground: one HTML file with arms, settings and programs, which needs no server."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from slidax.scenarios.scenario import Scenario, ScenarioDescription
 from .settings import PRINTED, BuiltSetting, PageSetting, ProgramChoice, settings_of
 
 LINK, JOINT, TIP = 0, 1, 2
-"""Tones."""
+"""Colour tones of shapes; the page assigns the colours."""
 
 THICK = 0.04
-"""Radius at the base as a share of the arm's reach; half of it at the tip."""
+"""Radius of the bones at the base, relative to the arm's reach; at the tip the radius is half of that."""
 
 INSTANTS = 200
-"""Times at which a motion is evaluated."""
+"""Number of times at which a motion is evaluated to find the travel of its joints."""
 
 
 def arm_entry(
     robot: AbstractRobot, label: str, title: str, torque: Any, rate: Any, trajectory: AbstractMotion, t1: float
 ) -> dict[str, Any]:
-    """The arm's entry in a playground.
+    """Return an arm's entry in the manifest: kinematics, shapes and limits.
 
-    - `label`, `title`: its names there.
-    - `torque`, `rate`: limits [n], N m or N, and per second; not finite where there are none.
-    - `trajectory`, `t1`: its motion until `t1` [s], which sets the length of sliding rods.
+    - `label`, `title`: its identifier in the manifest, and its title on the page.
+    - `torque`, `rate`: limits of torque and torque rate [n], N m or N, and per second; infinite without a limit.
+    - `trajectory`, `t1`: its motion until `t1` [s], which determines the length of the rods of prismatic joints.
     """
     bones = skeleton_of(robot)
     times = jnp.linspace(0.0, t1, INSTANTS)
@@ -77,9 +77,11 @@ def arm_entry(
 
 
 def _shapes(bones: Skeleton, travel: np.ndarray) -> list[dict[str, Any]]:
-    """A drum around each revolute joint, a rod for each prismatic one, a bone to each child, and a ball at the tip.
+    """Return the shapes that draw an arm: joints, the bones between them, the tip and the base.
 
-    - `travel`: largest displacement of each joint [n].
+    A revolute joint is a cylinder around its axis, a prismatic joint a cylinder with a rod that slides in it.
+
+    - `travel`: largest distance of each joint's position from 0 along the motion [n], rad or m.
     """
     radii = _radii(bones)
     shapes: list[dict[str, Any]] = []
@@ -116,7 +118,7 @@ def _shape(
 
 
 def _radii(bones: Skeleton) -> np.ndarray:
-    """Radius of each body [n+1], m."""
+    """Return the radius of each body, the base first [n+1], m."""
     far = np.zeros(bones.joints + 1)
     for joint, parent in enumerate(bones.parents):
         far[joint + 1] = far[parent + 1] + np.linalg.norm(bones.translations[joint])
@@ -124,7 +126,7 @@ def _radii(bones: Skeleton) -> np.ndarray:
 
 
 def _towards(direction: np.ndarray) -> np.ndarray:
-    """A rotation that maps z to a direction."""
+    """Return a rotation matrix that maps the z axis to a direction."""
     other = np.eye(3)[int(np.argmin(np.abs(direction)))]
     x = np.cross(other, direction)
     x /= np.linalg.norm(x)
@@ -132,7 +134,7 @@ def _towards(direction: np.ndarray) -> np.ndarray:
 
 
 def _plain(numbers: Any) -> list[float]:
-    """Numbers to 7 digits, enough for a picture."""
+    """Return the numbers as a list, rounded to 7 digits, which are enough for a picture."""
     return [float(f"{value:.7g}") if abs(value) > 1e-9 else 0.0 for value in np.asarray(numbers, float).ravel()]
 
 
@@ -162,12 +164,12 @@ def playground(
     promised: bool = True,
     begin: Callable[[str, int], None] = lambda name, total: None,
 ) -> dict[str, Any]:
-    """The manifest of a page.
+    """Build the settings, and return the manifest of a page: the data that `page_text` embeds.
 
-    - `settings`: the first is shown first.
-    - `arms`: titles of the arms, by their labels.
+    - `settings`: the settings; the page opens with the first one.
+    - `arms`: titles of the arms, by their identifiers in the settings.
     - `promised`: include the law in C and its certificates, which take most of the time.
-    - `begin`: called before each law with its name and the number of laws.
+    - `begin`: called before each setting with its name and the number of settings.
 
     Raises DefinitionError if a setting is invalid or cannot run in a page.
     """
@@ -210,11 +212,11 @@ SLOWER = ProgramChoice("simulation.period", "sampling period", "s", (0.001, 0.00
 class PlaygroundArm:
     """An arm of the playground.
 
-    - `scenario`: built in.
-    - `arm`, `title`: its label and its title.
-    - `changes`: changes that do not alter the run, but make friction or rotor inertia tunable.
-    - `gains`: gains of the rivals, the best of the grids of `scripts/figures/panda.py` on this very run.
-    - `choices`: values that need programs of their own.
+    - `scenario`: name of a built-in scenario.
+    - `arm`, `title`: identifier of the arm in the manifest, and its title on the page.
+    - `changes`: changes of the scenario that do not alter the run, but make friction or rotor inertia tunable.
+    - `gains`: gains of the compared schemes: the best from a grid search on this run (`scripts/figures/panda.py`).
+    - `choices`: quantities of which the page offers a few values.
     """
 
     scenario: str
@@ -226,7 +228,7 @@ class PlaygroundArm:
 
     @property
     def description(self) -> ScenarioDescription:
-        """The scenario, with a friction term where the arm itself has none."""
+        """The scenario with `changes`; without any, a friction term of size 0 is added, so that friction is tunable."""
         description = read_description(self.scenario)
         changes = dict(self.changes)
         if not changes:
@@ -273,11 +275,11 @@ ARMS = (
         (SLOWER, DELAYS, COARSER),
     ),
 )
-"""In the order of display."""
+"""Arms of the playground, in the order of display."""
 
 
 def manifest_of_all(begin: Callable[[str, int], None] = lambda name, total: None) -> dict[str, Any]:
-    """The manifest of the playground; `begin` as in `playground`."""
+    """Return the manifest of the playground with all arms; `begin` is as in `playground`."""
     settings = [
         setting
         for shown in ARMS
@@ -306,12 +308,12 @@ def page_text(
     loop: str | None = None,
     policy: str | None = POLICY,
 ) -> str:
-    """Return one HTML file that shows a playground.
+    """Return the text of one HTML file that shows a playground.
 
-    - `manifest`: arms, programs, settings; binary data as base64 of gzip.
-    - `scripts`, `styles`: additions, before the page's own script and after its own style.
-    - `loop`: the module that runs a program; by default the page's own.
-    - `policy`: the content security policy in the page; None leaves it to a server's header.
+    - `manifest`: arms, programs and settings; binary data are in base64 of gzip.
+    - `scripts`, `styles`: additional scripts before the page's own script, and styles after its own style.
+    - `loop`: text of the JavaScript module that runs a program; by default the page's own `loop.js`.
+    - `policy`: content security policy in the page; None leaves it to the header that a server sends.
     """
     replaced = {} if loop is None else {"loop.js": loop}
     title = str(manifest.get("title", "slidax"))
@@ -330,11 +332,12 @@ def page_text(
 
 
 def module_text(entry: str, replaced: Mapping[str, str] | None = None) -> str:
-    """Bundle a module and all its imports as the text of one module.
+    """Bundle a JavaScript module and all its imports as the text of one module.
 
-    - `replaced`: texts that replace files of these names.
+    - `entry`: file name of the module.
+    - `replaced`: texts by file name, which replace the files of these names.
 
-    Raises ValueError if modules import each other in a circle.
+    Raises ValueError for circular imports.
     """
     done: dict[str, str] = {}
     _gather(entry, replaced or {}, done, ())
@@ -363,18 +366,18 @@ def _escaped(text: str) -> str:
 PAGE_FILE = "index.html"
 
 FEW = 3
-"""Joints up to which a program is compiled in seconds, so that a law gets more than two."""
+"""Largest number of joints for which a program compiles in seconds, so that the page offers more than two delays."""
 
 
 def manifest_of_scenario(
     scenario: Scenario, compared: Sequence[str] = (), begin: Callable[[str, int], None] = lambda name, total: None
 ) -> dict[str, Any]:
-    """The manifest of one scenario.
+    """Return the manifest of one scenario.
 
-    - `compared`: names of schemes to compare, and `printed` for the law as printed.
+    - `compared`: names of schemes to compare, and `printed` for the law as printed in the paper.
     - `begin`: as in `playground`.
 
-    Raises DefinitionError if there is no such scheme, or the scenario cannot run in a page.
+    Raises DefinitionError if a scheme does not exist, or the scenario cannot run in a page.
     """
     description = scenario.description
     settings = settings_of(description, scenario.robot, compared, choices=_choices(description))
@@ -383,11 +386,11 @@ def manifest_of_scenario(
 
 
 def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
-    """Other periods and delays, for a sampled-data law."""
+    """Return choices of the period and the measurement delay; none unless the law is in sampled-data form."""
     simulation, delay = description.simulation, description.sensor.delay
     if description.scheme.sampled_data is None:
         return []
-    # Periods share a program; delays need their own.
+    # All periods share one program, but each delay needs another program.
     delays = {0.0, 1.0, delay} if len(description.start.q) <= FEW else {0.0, delay or 1.0}
     periods = (simulation.period / 2, simulation.period, simulation.period * 2)
     whole = round(simulation.t1 / simulation.period) % 2 == 0
@@ -400,7 +403,7 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
 def write_playground(manifest: Mapping[str, Any], out: str | Path) -> Path:
     """Write the page of a manifest to the folder `out`; return its path.
 
-    Raises DefinitionError if it cannot be written.
+    Raises DefinitionError if the page cannot be written.
     """
     page = Path(out, PAGE_FILE)
     try:

@@ -1,4 +1,4 @@
-"""Settings of a page: one arm under one scheme, with programs, tunables, C files and certificates."""
+"""Settings of a page. A setting is one arm with one scheme: its programs, tunable values, C files and certificates."""
 
 from __future__ import annotations
 
@@ -27,11 +27,14 @@ from .loop_program import LoopProgram, Variant, loop_program, pack_bytes
 from .tunables import Tunable, tunables_of, value_at
 
 TEMPLATES = (*STEP, "example.c.j2")
-"""The files that a program needs; not the tests, whose samples are large."""
+"""Templates of the C files on the page; without the tests, whose golden samples are large."""
 
 
 def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> dict[str, Any]:
-    """The entries `c_files` and `c_parameters` of a setting; both None if the law cannot be exported."""
+    """Return a setting's manifest entries `c_files` and `c_parameters`; both None if the law cannot be exported.
+
+    In the C files, marks replace the defaults of the tunable values, so that the page can insert its own.
+    """
     try:
         exported = project(templates.built, name="law", with_golden=False)
     except DefinitionError:
@@ -58,7 +61,7 @@ def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -
 
 
 def _member(path: str) -> str | None:
-    """Name of the value in C; None if it is not a parameter of the law."""
+    """Return the name of a tunable value in C; None if it is not a parameter of the law."""
     block, _, rest = path.partition(".")
     if path == "actuator.rate" or path == "actuator.torque":
         return f"limits_{rest}"
@@ -66,14 +69,14 @@ def _member(path: str) -> str | None:
 
 
 def _without_default(header: str, name: str, words: str) -> str:
-    """Replace a member's default in the header, which the page may change, by words."""
+    """Return a header with `words` in place of a member's default, since the page may change the default."""
     return re.sub(
         rf"(\b{name}(?:\[\w+\])?; +/\* )[^:*]*?(?=:| \*/)", lambda match: f"{match[1]}{words}", header, count=1
     )
 
 
 def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
-    """True if exactly one array of the law depends on a tunable, so that setting this array sets the tunable."""
+    """True if exactly one array of the law depends on a tunable value, so that this array determines the value."""
     family_of_one = Family(family.base, Space({}, {}), Space({}, {tunable.path: None}))  # type: ignore[dict-item]
     moved: list[bool] = []
 
@@ -91,9 +94,9 @@ def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
 
 
 def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, Any]]:
-    """Verdicts on a scenario, without the certificate that needs many runs.
+    """Return the verdicts of all certificates on a scenario, but without any simulation runs.
 
-    - `paths`: tunable paths; each light lists those that it depends on.
+    - `paths`: paths of the tunable values; each verdict lists those on which it depends.
     """
     lights = []
     for certificate, verdict in zip(CERTIFICATES, certify(scenario, runs=0), strict=True):
@@ -114,15 +117,16 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
 
 
 PlacedVariant = tuple[tuple[int, ...], Variant]
-"""A variant after its place: the index of each choice's value."""
+"""A variant with its place before it: for each choice, the index of the variant's value."""
 
 
 @dataclass(frozen=True)
 class ProgramChoice:
-    """A quantity that needs a program of its own for each value.
+    """A quantity with a few values to choose from, since another value may need another program.
 
-    - `path`: as in `--set`.
-    - `values`: including the scenario's own.
+    - `path`: path in the scenario, as in `--set`.
+    - `title`, `unit`: texts on the page.
+    - `values`: the values, with the scenario's own among them.
     """
 
     path: str
@@ -135,10 +139,12 @@ class ProgramChoice:
 class PageSetting:
     """A scenario for a page.
 
-    - `arm`, `scheme`: labels of both in the playground.
+    - `description`: the scenario.
+    - `arm`, `scheme`: identifiers of arm and scheme in the manifest.
     - `title`: title of the scheme.
-    - `kind`: "ours", "printed" or "rival".
-    - `note`: a line next to its title.
+    - `kind`: "ours" (the sampled-data law), "printed" (the law as printed in the paper) or "rival" (another law).
+    - `choices`: quantities of which the page offers a few values.
+    - `note`: a line next to the title.
     """
 
     description: ScenarioDescription
@@ -150,7 +156,7 @@ class PageSetting:
     note: str = ""
 
     def build(self) -> BuiltSetting:
-        """Build its programs and tunables.
+        """Build the setting's programs, and determine its tunable values.
 
         Raises DefinitionError if one of its variants is invalid or cannot run in a page.
         """
@@ -186,9 +192,9 @@ class PageSetting:
 class BuiltSetting:
     """A setting with its programs.
 
-    - `family`, `templates`: its scenario, and that built.
-    - `tunables`: variable within a program.
-    - `programs`: each with its variants.
+    - `family`, `templates`: its scenario as described, and as built.
+    - `tunables`: values that can vary within a program.
+    - `programs`: its programs, each with the variants that share it.
     """
 
     setting: PageSetting
@@ -198,7 +204,7 @@ class BuiltSetting:
     programs: Sequence[tuple[Sequence[PlacedVariant], LoopProgram]]
 
     def entry(self) -> dict[str, Any]:
-        """The setting's entry in a playground."""
+        """Return the setting's entry in the manifest, without C files and certificates."""
         setting, described = self.setting, self.family.base
         choices = [_choice(choice, described) for choice in setting.choices]
         tunables, start = [], 0
@@ -231,7 +237,7 @@ class BuiltSetting:
         }
 
     def beside(self) -> dict[str, Any]:
-        """The law in C, and the certificates unless it is a rival."""
+        """Return the setting's remaining manifest entries: the law in C, and the certificates unless it is a rival."""
         paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
         certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths)
         return {**c_files(self.family, self.templates, self.tunables), "certificates": certified}
@@ -243,7 +249,7 @@ def _choice(choice: ProgramChoice, described: ScenarioDescription) -> dict[str, 
 
 
 def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
-    """Tunables that can vary within one compiled loop."""
+    """Return the tunable values that can vary within one compiled loop."""
     if not tunables:
         return []
     some = {tunable.path: np.stack([tunable.defaults] * 2) for tunable in tunables}
@@ -266,7 +272,7 @@ def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) 
 
 
 def _alike(variants: Sequence[PlacedVariant]) -> list[list[PlacedVariant]]:
-    """Group variants of one form."""
+    """Group the variants by their form, so that those in a group can share a program."""
     groups: list[list[PlacedVariant]] = []
     for variant in variants:
         group = next((group for group in groups if group[0][1].form == variant[1].form), None)
@@ -285,13 +291,13 @@ TITLES = {
     "super_twisting": "Super-twisting",
     "pid": "PID",
 }
-"""Titles of schemes; others keep their names."""
+"""Titles of schemes; the other schemes' titles are their names."""
 
 PRINTED = "printed"
-"""Requests the law as printed."""
+"""Name among the schemes to compare that stands for the law as printed in the paper."""
 
 LAYER = 0.05
-"""Boundary layer of the printed law, which chatters at a robot's rate without one."""
+"""Boundary layer of the printed law; without one the law chatters at a robot's sampling rate."""
 
 OURS = "Sampled-data form, with its own envelope"
 
@@ -301,7 +307,7 @@ JUDGED = "; it has no envelope, and is judged by that of our law"
 
 
 def title_of(scheme: str) -> str:
-    """A scheme's title on a page."""
+    """Return a scheme's title on a page."""
     return TITLES.get(scheme, scheme.replace("_", " ").capitalize())
 
 
@@ -312,14 +318,14 @@ def settings_of(
     gains: Mapping[str, Mapping[str, float]] = {},
     choices: Sequence[ProgramChoice] = (),
 ) -> list[PageSetting]:
-    """A scenario's own law, and the laws to compare.
+    """Return the settings for a scenario's own law, and for the laws to compare.
 
-    - `arm`: label of its arm.
-    - `compared`: names of schemes, and `printed` for the law as printed.
-    - `gains`: gains of rivals, by their names; by default those of the schemes.
-    - `choices`: values that need programs of their own.
+    - `arm`: identifier of the arm in the manifest.
+    - `compared`: names of schemes, and `printed` for the law as printed in the paper.
+    - `gains`: gains of the compared schemes, by scheme name; the default gains are those of the scheme.
+    - `choices`: quantities of which the page offers a few values.
 
-    Raises DefinitionError if there is no such scheme, or it has parameters without defaults.
+    Raises DefinitionError if a scheme does not exist or has parameters without defaults.
     """
     own = description.scheme.name
     sampled = description.scheme.sampled_data is not None
@@ -360,7 +366,7 @@ def _rival(
     changes: dict[str, Any] = {"scheme.name": name, **{f"scheme.{gain}": value for gain, value in gains.items()}}
     envelope: Any = getattr(description.scheme, "transformation", None)
     if description.tolerance is None and hasattr(envelope, "performance"):
-        # A law without an envelope is judged by that of our law.
+        # A law without an envelope is judged by the envelope of the scenario's own law.
         changes["tolerance"] = {
             key: value for key, value in envelope.model_dump(exclude_unset=True).items() if key != "kind"
         }

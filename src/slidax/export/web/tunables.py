@@ -23,19 +23,19 @@ ROOTS = {
     "sensor": "Sensor",
     "actuator": "Drives",
 }
-"""Blocks with tunable values and their titles on the page; the first match counts."""
+"""Scenario blocks with tunable values, and the titles of their groups on the page; the first matching block counts."""
 
 ORDER = ("Envelope", "Law", "True arm", "Disturbance", "Sensor", "Drives", "Sampled data")
-"""Order of the groups: learning and recovery come last."""
+"""Order of the groups on the page; learning and recovery, which are in `Sampled data`, come last."""
 
 NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration", "torque_density")
-"""Excluded values: noise seeds, and values that define another arm."""
+"""Fields without a slider, such as noise seeds and values that define another arm."""
 
 REACH = 10.0
-"""An undeclared range extends from a tenth to ten times the default."""
+"""Without a declared range, a slider extends from the default divided by this ratio to the default times this ratio."""
 
 ABOVE = 1.01
-"""Ratio by which a slider stays above or below another value of the scenario."""
+"""Least ratio of a slider's end to another value of the scenario that bounds this slider."""
 
 _END = re.compile(r"^(>=?) (\w+)|^([\[(])\s*([^,]+), ([^\])]+)[\])]")
 
@@ -55,17 +55,18 @@ FROM_ZERO = {
     "layer": 0.1,
     "scale": 3.0,
 }
-"""Upper end of the range of values whose default is 0; the lower end is 0."""
+"""Upper end of the slider for values whose default is 0; the lower end is 0."""
 
 
 @dataclass(frozen=True)
 class Tunable:
-    """One value, or one for each joint.
+    """A scenario value with a slider: one number for all joints, or one for each joint.
 
-    - `leaf`: its place, with unit and own value.
-    - `low`, `high`: range of the slider, which the declared range may exceed.
+    - `leaf`: its path in the scenario, with its unit and the scenario's own value.
+    - `title`, `group`, `meaning`: texts on the page.
+    - `low`, `high`: range of the slider; the declared range may be wider.
     - `logarithmic`: True for a logarithmic slider.
-    - `declared`: the declared range; empty for any number.
+    - `declared`: the declared range as text; empty if any number is allowed.
     """
 
     leaf: Leaf
@@ -79,7 +80,7 @@ class Tunable:
 
     @property
     def path(self) -> str:
-        """As in `--set`."""
+        """Path of the value, as in `--set`."""
         return self.leaf.path
 
     @property
@@ -99,7 +100,7 @@ class Tunable:
         return np.broadcast_to(self.leaf.own, self.shape).astype(float)
 
     def entry(self, start: int) -> dict[str, Any]:
-        """The entry in a playground; `start` is the index of its first number among the program's inputs."""
+        """Return the value's entry in the manifest; `start` is the index of its first number among all inputs."""
         assert self.leaf.own is not None
         return {
             "path": self.path,
@@ -118,7 +119,9 @@ class Tunable:
 
 
 def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
-    """Candidates for tunables, in the order of the file; some may not be variable in a compiled loop.
+    """Return the values that may get a slider, sorted by group, within a group in the order of the scenario.
+
+    Some of them may change the compiled code, so that they cannot vary within one program.
 
     - `description`: the scenario, with its robot resolved.
     """
@@ -138,7 +141,7 @@ def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Every field that is not a mapping, with its declaration."""
+    """Yield path and declaration of each field below a place that is not a block of fields itself."""
     if isinstance(place, BaseModel):
         for name, field in type(place).model_fields.items():
             value = getattr(place, name)
@@ -176,11 +179,14 @@ def _tunable(leaf: Leaf, group: str, field: Any, beside: tuple[float, float]) ->
 
 
 def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
-    """Bounds from other values: from ends of this value's range, and from ranges that have this value as an end."""
+    """Return lower and upper bound of a slider that come from other values of the scenario.
+
+    The other values are ends of this value's range, or have this value as an end of their range.
+    """
     lower, upper = -np.inf, np.inf
     *parents, name = path.split(".")
     if path == "scheme.sampled_data.horizon":
-        # A horizon must be at least a period, which a page may double.
+        # A horizon must be at least one period, and the page may offer twice the scenario's period.
         lower = 2.0 * description.simulation.period
     place = value_at(description, parents)
     if not isinstance(place, BaseModel):
@@ -200,20 +206,20 @@ def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
 
 
 def value_at(place: Any, names: Iterable[str]) -> Any:
-    """The value at a path of fields and indices."""
+    """Return the value at a path of fields and indices below `place`."""
     for name in names:
         place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
     return place
 
 
 def _ranges(place: BaseModel) -> dict[str, str]:
-    """Declared range of each field."""
+    """Return the declared range of each field as text."""
     extras = {name: field.json_schema_extra for name, field in type(place).model_fields.items()}
     return {name: str(extra.get("range", "")) for name, extra in extras.items() if isinstance(extra, dict)}
 
 
 def _named(declared: str) -> tuple[str, str]:
-    """Ends of a declared range: numbers, or names of other values."""
+    """Return the ends of a declared range as texts: numbers, or names of other values."""
     ends = _END.match(declared)
     if ends is None:
         return "", ""
@@ -226,13 +232,13 @@ def _numbers_at(beside: Mapping[str, Any], name: str) -> list[float]:
 
 
 def _span(leaf: Leaf) -> tuple[float, float, bool]:
-    """Lowest and highest value, and True for a logarithmic scale."""
+    """Return the lowest and highest value of a slider, and True if it is logarithmic."""
     assert leaf.own is not None
     lower, upper = leaf.ends
     *_, block, name = leaf.path.split(".")
     size = np.abs(leaf.own)
     if np.isfinite(lower) and np.isfinite(upper) and upper - lower < 1e3:
-        # The ends themselves may be excluded.
+        # The range may exclude its ends.
         gap = 0.01 * (upper - lower)
         return lower + gap if lower not in leaf.own else lower, upper - gap if upper not in leaf.own else upper, False
     if not size.any():

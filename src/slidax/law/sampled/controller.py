@@ -69,30 +69,30 @@ class SampledData(AbstractController):
     its own, `rotor` (J) and `coulomb` (f) [n] at least; with a monitor `margin` and `assumption_violated`.
     """
 
-    step: AbstractStep = piece("what the law decides")
-    estimator: AbstractEstimator = piece("from what is measured to q, q̇ and w")
+    step: AbstractStep = piece("the law as a discrete-time step")
+    estimator: AbstractEstimator = piece("computes q, q̇ and w from the measurements")
     limits: TorqueLimits = piece("torque and torque rate that the actuators keep")
-    period: Scalar = parameter("h, between two samples", "s", "> 0")
+    period: Scalar = parameter("h, time between two samples", "s", "> 0")
     horizon: Scalar | None = parameter(
-        "H, how far a step plans; None for a law that decides for one period", "s", ">= period", default=None
+        "H, time over which a step plans; None for a law without a plan", "s", ">= period", default=None
     )
     delay: float = parameter(
-        "age of a measurement when its torque sets in, transport and dead time together; the largest one with "
-        "`actual_delay`",
+        "age of a measurement when its torque sets in, transport and dead time together; with `actual_delay` the "
+        "largest age",
         "periods",
         ">= 0",
         default=0.0,
         static=True,
     )
     actual_delay: Scalar | None = parameter(
-        "the age itself, which may be changed while the law runs; None for `delay`",
+        "present age, which may be changed while the law runs; None for `delay`",
         "periods",
         "[dead_time, delay]",
         "since the law keeps the commands of `delay` periods",
         default=None,
     )
     dead_time: float = parameter(
-        "the part of it after the command",
+        "part of `delay` after the command",
         "periods",
         "[0, delay]",
         "since it is part of `delay`",
@@ -100,8 +100,8 @@ class SampledData(AbstractController):
         static=True,
     )
 
-    adaptation: AbstractAdaptation | None = piece("what is learnt of the arm; None for nothing", default=None)
-    monitor: Monitor | None = piece("says whether the promise still stands; None for nothing", default=None)
+    adaptation: AbstractAdaptation | None = piece("adaptation law; None for none", default=None)
+    monitor: Monitor | None = piece("checks if the guarantee of the envelope still holds; None for none", default=None)
     gate: MeasurementGate = piece(
         "rejects measurements that the arm cannot have produced", default_factory=MeasurementGate
     )
@@ -115,7 +115,7 @@ class SampledData(AbstractController):
         default=False,
         static=True,
     )
-    drives: ActuatorMap | None = piece("torques of the joints by commands; None if they are equal", default=None)
+    drives: ActuatorMap | None = piece("map from commands to joint torques; None if they are equal", default=None)
 
     def __check_init__(self) -> None:
         adaptation = None if self.adaptation is None else self.adaptation.per_joint()
@@ -154,7 +154,7 @@ class SampledData(AbstractController):
         if not fits:
             raise DefinitionError(
                 f"`{type(self.estimator).__name__}` does not fit the {count_noun(self.joints, 'joint')} of "
-                f"{type(self.nominal).__name__}: give one number, or one per joint"
+                f"{type(self.nominal).__name__}: each of its parameters must be one number, or one per joint"
             )
 
     @property
@@ -252,7 +252,7 @@ class SampledData(AbstractController):
         restarts: Bool[Array, ""],
         memory: LawMemory,
     ) -> Command:
-        """The torque for an accepted sample."""
+        """Return the command for an accepted sample."""
         h = self.period
         elapsed = t - memory.t
         gap = elapsed > 1.5 * h
@@ -260,7 +260,7 @@ class SampledData(AbstractController):
         gap = gap & ~restarts
         robot = self._robot(memory.adapted)
         estimate, estimated, prior = self._estimate(robot, state, elapsed, missed, gap, memory)
-        # The last torque stood while nothing arrived, so that all pending commands are equal to it.
+        # The last torque stood while samples were lost, so that all pending commands are equal to it.
         pending = jnp.where(missed, memory.torques[-1], memory.torques)
         learned = self._learn(t, state, prior, estimate, reference_now, pending, missed, robot, memory)
 
@@ -337,7 +337,7 @@ class SampledData(AbstractController):
         robot: AbstractRobot,
         memory: LawMemory,
     ) -> LearnedModel:
-        """The model after this sample; without an adaptation, the model as it is."""
+        """Return the arm model after this sample; without an adaptation it does not change."""
         known = memory.adapted
         if self.adaptation is None or known is None:
             return LearnedModel(robot, estimate, pending, known, jnp.ones((), bool))
@@ -430,7 +430,7 @@ class SampledData(AbstractController):
     def _compensate(
         self, request: StepInput, decision: Decision, estimate: Estimate, adapted: AdaptationMemory | None
     ) -> tuple[Vector, Vector, AdaptationMemory | None]:
-        """The torque before the limits, the compensated disturbance, and the adaptation's memory with this friction."""
+        """Return the torque before the limits, the compensated disturbance, and the memory with this friction."""
         lumped = matvec(request.mass, estimate.disturbance)
         share = compensated_share(lumped, decision.cover, self.limits)
         disturbance = share * estimate.disturbance
@@ -450,7 +450,7 @@ class SampledData(AbstractController):
         return self.step.envelope(t, memory.step)
 
     def _watched(self, state: State) -> MonitorMemory | None:
-        """The monitor's memory before the first sample; None for a law without a plan."""
+        """Return the monitor's memory before the first sample; None without a monitor, or for a law without a plan."""
         return None if self.monitor is None or not self.step.plans else self.monitor.init(state)
 
     def _monitor(
@@ -494,6 +494,6 @@ class SampledData(AbstractController):
         return Estimate(state=advance(prior.state, acceleration, gap), disturbance=prior.disturbance)
 
     def _within_reason(self, estimate: Estimate) -> Estimate:
-        """The estimate, bounded, so that no gains of an estimator lead to infinite values."""
+        """Return the estimate, bounded so that no gains of an estimator lead to infinite values."""
         state = State(q=estimate.state.q, dq=jnp.clip(estimate.state.dq, -self.gate.speed, self.gate.speed))
         return Estimate(state=state, disturbance=jnp.clip(estimate.disturbance, -STRONGEST, STRONGEST))

@@ -1,4 +1,4 @@
-"""The measurement gate: an impossible sample counts as a lost sample."""
+"""The measurement gate: a sample that the arm cannot have produced counts as a lost sample."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ LONGEST_GAP = 100.0
 """Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
 
 FROZEN = 2.0
-"""Identical samples in a row while the arm moves that are still accepted, as of a sensor at half the loop rate."""
+"""Largest number of identical samples in a row that is accepted while the arm moves: a sensor may be slower than the
+loop."""
 
 CLOCK = 2.0
 """Samples with consistent time stamps that confirm a jump of the clock, or a long gap."""
@@ -65,8 +66,8 @@ class Admission(eqx.Module):
     """Decision of the gate about one sample.
 
     - `accepted`: True if the law may use the sample.
-    - `restarts`: True if the sample is accepted since the ones before it confirm it, and not the law's own past.
-    - `dq`: velocity that the accepted sample shows at a restart [n].
+    - `restarts`: True if the sample is accepted because previous rejected samples confirm it; the law then restarts.
+    - `dq`: velocity at a restart, from the accepted sample [n].
     """
 
     accepted: Bool[Array, ""]
@@ -96,7 +97,7 @@ class MeasurementGate(AbstractPart):
     `q_max` is never accepted.
     """
 
-    q_max: PerJoint = parameter("largest size of a measured position", "rad or m", "> 0", default=1e4)
+    q_max: PerJoint = parameter("largest magnitude of a measured position", "rad or m", "> 0", default=1e4)
     speed: PerJoint = parameter("largest speed of a joint", "rad/s or m/s", "> 0", default=100.0)
     acceleration: PerJoint = parameter("largest acceleration of a joint", "rad/s² or m/s²", ">= 0", default=1e4)
     spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
@@ -122,11 +123,11 @@ class MeasurementGate(AbstractPart):
 
         - `arm`: the arm as the law knows it.
         - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
-        - `mass`: its inertia matrix where it works [n n]; None if it is not known.
+        - `mass`: inertia matrix at a working posture [n n]; None if it is not known.
         - `limited`: False for an arm that may move beyond its limits.
         - `parameters`: parameters that replace the computed ones; None replaces nothing.
 
-        Raises DefinitionError if one of them is out of its range.
+        Raises DefinitionError if a parameter is out of its range.
         """
         limits = arm.limits if limited and isinstance(arm, Articulated | Coupled) else None
         speed = jnp.asarray([FASTEST_JOINT[unit] for unit in arm.joint_units])
@@ -184,9 +185,9 @@ class MeasurementGate(AbstractPart):
         velocity: bool,
         memory: GateMemory,
     ) -> tuple[Admission, GateMemory]:
-        """Judge a sample.
+        """Return the decision about a sample, and the gate's memory after it.
 
-        - `t`: its time stamp [s].
+        - `t`: time stamp of the sample [s].
         - `last`: time stamp of the last accepted sample [s].
         - `predicted`: positions that the law predicted for this sample [n].
         - `period`: h [s].
@@ -213,7 +214,7 @@ class MeasurementGate(AbstractPart):
         takes = plausible | restarts
         slope = (state.q - memory.suspect.q) / jnp.where(since > 0, since, period)
         dq = state.dq if velocity else jnp.clip(slope, -self.speed, self.speed)
-        # A sample outside the ranges changes nothing, as one that is not finite.
+        # A sample outside the ranges, or one that is not finite, does not change the memory.
         doubted = inside & ~takes
         after = GateMemory(
             q=jnp.where(takes, state.q, memory.q),
@@ -231,7 +232,7 @@ class MeasurementGate(AbstractPart):
     def _reachable(
         self, state: State, before: State, elapsed: Scalar, period: Scalar, velocity: bool
     ) -> Bool[Array, ""]:
-        """True if the arm can move from one measured state to another in a time."""
+        """True if the arm can move from one measured state to another in the elapsed time."""
         farthest = self.speed * (elapsed + period) + self.spread
         near = jnp.all(jnp.abs(state.q - before.q) <= farthest)
         if not velocity:

@@ -13,12 +13,12 @@ from slidax.plant.actuators import TorqueLimits
 
 
 def compensated_share(lumped: Vector, cover: Scalar | None, limits: TorqueLimits) -> Scalar:
-    """Return the share of the disturbance torque `M0 w` that is compensated.
+    """Return the share of the disturbance torque `M0 w` that is compensated, 0 to 1.
 
-    The law's own bound limits it. Without a bound the torque limits do: an estimate beyond them is wrong.
+    The compensated torque is limited by the law's own bound or, without one, by the torque limits.
 
     - `lumped`: `M0 w` [n], N m or N.
-    - `cover`: the law's bound of its norm; None without one.
+    - `cover`: the law's bound of the norm ‖M0 w‖, N m; None without one.
     """
     if cover is None:
         return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / limits.torque), 1.0)
@@ -32,8 +32,8 @@ def within_limits(
     """Return the torque within the limits, the acceleration that they withhold, and True if they withhold none.
 
     - `wanted`, `last`: this sample's torque before the limits, and the torque of the last sample [n], N m or N.
-    - `m0`: inertia matrix [n n], in whose metric the torque within the limits is the nearest.
-    - `period`: [s].
+    - `m0`: inertia matrix M0 [n n]. Of all torques within the limits, the result has the nearest accelerations.
+    - `period`: h [s].
     """
     endless = jnp.full_like(wanted, jnp.inf)
     lower, upper = limits(-endless, last, period), limits(endless, last, period)

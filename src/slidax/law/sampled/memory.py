@@ -29,8 +29,8 @@ class LawMemory(eqx.Module):
     - `adapted`: adaptation state; None without an adaptation.
     - `watched`: memory of the monitor; None without a monitor.
     - `gate`: last accepted and last rejected measurements.
-    - `accelerations`: the nominal arm's under each pending command, the oldest first, [d n]; None without a model at
-      mid-period, or without a delay.
+    - `accelerations`: planned accelerations of the nominal arm under the pending commands, the oldest first, [d n];
+      None without `midpoint`, or without a delay.
     """
 
     t: Scalar
@@ -50,10 +50,10 @@ class LearnedModel(NamedTuple):
     """The arm as the law knows it at one sample.
 
     - `robot`: robot with the estimated parameters.
-    - `estimate`: the state, and the disturbance of this robot.
+    - `estimate`: estimated state, and the disturbance with respect to this robot.
     - `net`: pending torques without the compensated friction [k n], N m or N.
     - `adapted`: the adaptation's memory; None for a law that does not learn.
-    - `settled`: True while the learnt model is in full use.
+    - `settled`: True while the law uses the learnt model with its full weight.
     """
 
     robot: AbstractRobot

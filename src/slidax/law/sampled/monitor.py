@@ -15,7 +15,7 @@ from ..adaptation import LearnedParameters
 from .prediction import advance
 
 MISSED = 1.0
-"""`assumption_violated`: the estimation error exceeds the bound of the guarantee, or the limits withhold as much."""
+"""`assumption_violated`: the estimation error, or torque that the limits withheld, exceeds the guarantee's bound."""
 
 INERTIA = 2.0
 """`assumption_violated`: the learnt inertia of a joint is outside the range of the guarantee."""
@@ -51,20 +51,20 @@ def used_share(y: Vector, share: PerJoint, envelope: Envelope) -> Array:
 
 
 class Monitor(AbstractPart):
-    """Warn before the error leaves its envelope: the led error shows it a horizon earlier.
+    """Warn before the error leaves its envelope: the led error leaves its own envelope one horizon earlier.
 
     By `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` the led error `y = e + c ė`, `c = H - h/2`, has a part that stays inside for
     any plan, and a part that comes only from unplanned motion (docs/sampled-data.md). The second part obeys
 
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
-    with the predicted state and the one that the last step planned; torque that the limits withheld counts as missed.
-    An estimator that is slower than the horizon shows this too late. Therefore a second filter computes x and y from
+    with the predicted state and the state that the last step planned. Torque that the limits withheld adds to x.
+    An estimator that is slower than the horizon shows x too late. Therefore a second filter computes x and y from
     measured positions: an α-β filter around the plan with the poles `p1 = 1 - h/H` and `p2 = 1 - 4 h/H`, whose
     innovation times `(1 - p2) H/h` is x delayed by the second pole; the worse of both counts. The loop-rate rule
     guarantees that x takes at most `share` of the envelope's side towards which it points, at t + c, and that y stays
-    within `led` times its own envelope. The other side may be narrower: x does not move the error there. e is a mean of
-    y, so that e cannot leave before y does.
+    within `led` times its own envelope. The other side may be narrower: x does not move the error there. e is a
+    weighted mean of the past y, so that e cannot leave before y does.
 
     Signals: `margin`, the least `1 - x/(share b ρ)` and `1 - y/(led b ρ)` of all joints, with b of the side towards
     which each points, negative if the guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large,

@@ -20,7 +20,7 @@ from ..estimators import Estimate
 
 
 def commands_kept(delay: float) -> int:
-    """Number of commands in the memory: all pending ones, and at least the last, for the rate limit.
+    """Return the number of commands in the memory: all pending ones, and at least the last, for the rate limit.
 
     - `delay`: age of a measurement when its torque sets in [periods].
     """
@@ -41,11 +41,13 @@ def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vect
 def left_unexplained(
     before: AbstractRobot, after: AbstractRobot, changed: Bool[Array, ""], estimate: Estimate, reference: Reference
 ) -> Vector:
-    """Return the disturbance of a changed model [n], N m or N, without friction.
+    """Return the disturbance torque with respect to a changed model [n], N m or N, without friction.
 
-    `M_old w + (M_new - M_old) q̈_d + b_new - b_old`, which leaves the torque of the law as it was.
+    `M_old w + (M_new - M_old) q̈_d + b_new - b_old`: with it the change of the model does not change the law's torque.
 
+    - `before`, `after`: the arm before and after the change.
     - `changed`: False if only the rotors differ: the model of the links is then evaluated once.
+    - `estimate`: estimated state, and the disturbance w with respect to the arm before the change.
     """
     assert isinstance(before, Believed)
     assert isinstance(after, Believed)
@@ -63,9 +65,9 @@ def left_unexplained(
 class Prediction(NamedTuple):
     """Prediction over the delay.
 
-    - `state`: when this sample's torque sets in.
-    - `following`: the next measured state; None if no pending command determines it.
-    - `accelerations`: the nominal arm's under each pending command, the oldest first, each [n].
+    - `state`: predicted state when this sample's torque sets in.
+    - `following`: predicted state at the next measurement; None if it depends on this sample's torque.
+    - `accelerations`: accelerations of the nominal arm under the pending commands, the oldest first, each [n].
     """
 
     state: State
@@ -78,9 +80,10 @@ def predict_state(
 ) -> Prediction:
     """Return the prediction under each pending command in turn, with the estimated disturbance.
 
-    - `acceleration`: the nominal arm's [n], from its state and the command's age in samples.
+    - `acceleration`: function that returns the nominal arm's acceleration [n] from its state and the command's age in
+      samples.
     - `delay`: age of a measurement when its torque sets in [periods].
-    - `period`: [s].
+    - `period`: h [s].
     """
     accelerations: list[Vector] = []
 
@@ -105,10 +108,10 @@ def predict_state(
 def predict_up_to(
     estimate: Estimate, acceleration: Callable[[State, int], Vector], pending: int, delay: Scalar, period: Scalar
 ) -> Prediction:
-    """As `predict_state`, for a delay of at most `pending` periods that is known only at run time.
+    """Return the prediction, as `predict_state`, for a delay that is known only at run time, at most `pending` periods.
 
     The command of age k acts for `min(max(delay - (k - 1), 0), 1)` periods, which may be 0. `following` is the state
-    at the next measurement, or before it, when this sample's torque sets in.
+    at the next measurement or, if it comes earlier, when this sample's torque sets in.
     """
     accelerations: list[Vector] = []
     now = following = estimate.state
@@ -129,8 +132,8 @@ def reference_ahead(now: Reference, following: Reference, dead_time: float, peri
     Taylor series with an error of the order of the third derivative times the cube of the dead time.
 
     - `now`, `following`: desired motion at the sample and one period later.
-    - `dead_time`: [periods].
-    - `period`: [s].
+    - `dead_time`: dead time [periods].
+    - `period`: h [s].
     """
     mean = (following.dq - now.dq) / period
     if dead_time == 0:
@@ -149,7 +152,7 @@ class AdaptationMemory(eqx.Module):
 
     - `memory`: memory of the adaptation.
     - `friction`: friction compensation in each pending command, the oldest first, [m n].
-    - `recovering`: duration of the current way back into the envelope [s].
+    - `recovering`: duration of the current recovery so far [s].
     """
 
     memory: Memory
@@ -166,12 +169,12 @@ class AdaptationMemory(eqx.Module):
 def mean_past_torque(torques: Float[Array, "m n"], delay: float, actual: Scalar | None = None) -> Vector:
     """Return the mean torque in the period before a measurement, [n], N m or N.
 
-    With a whole number D of periods of delay it is the command of D + 1 samples ago. Else the torque changed within the
-    period, and the mean has two terms.
+    With a whole number D of periods of delay this torque is the command of D + 1 samples ago. Otherwise the torque
+    changed within the period, and the mean has two terms.
 
-    - `torques`: pending commands and those before, the oldest first.
+    - `torques`: pending commands and those before, the oldest first [m n].
     - `delay`: age of a measurement when its torque sets in [periods].
-    - `actual`: the age at run time, at most `delay`; None for `delay`.
+    - `actual`: age at run time, at most `delay`; None for `delay`.
     """
     if actual is not None:
         weights = [jnp.maximum(1.0 - jnp.abs(actual - float(age)), 0.0) for age in range(math.ceil(delay) + 1)]
@@ -191,8 +194,8 @@ def experience_of(
 ) -> Experience:
     """Return the input of the adaptation at a sample.
 
-    - `tau`: torque that acted in the period before.
-    - `missed`: True if samples were lost before.
+    - `tau`: mean torque in the period before the measurement [n], N m or N.
+    - `missed`: True if samples were lost before this one.
     """
     q, dq = estimate.state.q, estimate.state.dq
     return Experience(

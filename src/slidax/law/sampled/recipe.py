@@ -26,7 +26,7 @@ from .monitor import Monitor
 
 
 class ExplicitStep(AbstractStep):
-    """`τ = law(t, q, q̇)`, with q and q̇ as predicted and the reference's mean acceleration over the period.
+    """`τ = law(t, q, q̇)`, with the predicted q and q̇ and the reference's mean acceleration over the period.
 
     A memory with a rate is integrated over the period, and stops while the limits withhold torque. Only the torque
     limits bound the compensated disturbance, since such a law has no robust torque u.
@@ -40,7 +40,8 @@ class ExplicitStep(AbstractStep):
     def __check_init__(self) -> None:
         if not isinstance(getattr(self.law, "nominal", None), AbstractRobot):
             raise DefinitionError(
-                f"`{type(self.law).__name__}` has no `nominal` robot, by which its sampled-data form predicts the arm"
+                f"`{type(self.law).__name__}` has no `nominal` robot, which its sampled-data form needs to predict the "
+                "arm: derive the law from `AbstractModelBased`"
             )
 
     @property
@@ -91,7 +92,7 @@ def sampled_data(
     midpoint: bool = False,
     viscous_feedforward: bool = False,
 ) -> SampledData:
-    """Make the sampled-data form of a law: with an estimator, a prediction over the delay, and torque limits.
+    """Return the sampled-data form of a law: with an estimator, a prediction over the delay, and torque limits.
 
     A law with a surface `s = ė + φ(t, e)` becomes an implicit step over a horizon: a `SlidingMode` (CFTSMPPC, FTSMPPC,
     FTSMC, SFSMC), a `SlotineLi` or a `SuperTwisting`, with an envelope or without. Any other law, such as
@@ -101,15 +102,15 @@ def sampled_data(
     - `period`: h [s].
     - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods, nor than 1.5 (`delay` + 1)
       of them.
-    - `estimator`: from measurements to q, q̇ and the unexplained acceleration; None: `Measured.tolerant` with the
-      gain 2 h/H or less, for sensors that give the velocity.
+    - `estimator`: estimates q, q̇ and the unexplained acceleration from measurements; None: `Measured.tolerant` with
+      a gain of at most 2 h/H, for sensors that measure velocities.
     - `limits`: known limits of torque and torque rate; None for none.
     - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
     - `delay`: age of a measurement when its torque sets in, in periods.
     - `delay_at_most`: largest delay that can be set while the law runs, in periods; None for a fixed delay.
-    - `dead_time`: the part of it after the command, in periods.
-    - `slopes`: True if u counts the slopes of τ1, as printed in (45); without them u, and the torque, is smaller.
-    - `calm`: least changes of the torque while the error is well inside its envelope; None for the law's own step.
+    - `dead_time`: part of `delay` after the command, in periods.
+    - `slopes`: True if u counts the slope part of τ1, as printed in (45); without it u, and the torque, is smaller.
+    - `calm`: smallest torque changes while the error is well inside its envelope; None for the law's own step.
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
     - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
     - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.
@@ -152,6 +153,6 @@ def sampled_data(
 
 
 def class_of_law(controller: AbstractController) -> type:
-    """Class of a law, or of what its sampled-data form evaluates once a period."""
+    """Return the class of a law; for a sampled-data form, the class of the law or step that it evaluates."""
     step = getattr(controller, "step", controller)
     return type(getattr(step, "law", step))

@@ -1,8 +1,8 @@
 """Figures of finished runs, made to be printed: one function per figure, each returns a matplotlib Figure.
 
-Figures draw what they are given and compute nothing. They use no pyplot and leave no state: save them with
+Figures draw their arguments and compute nothing. They use no pyplot and leave no state: save them with
 `figure.savefig("error.pdf")`, or with `save` as a small SVG. Start with `run.py` for figures of one run; `style.py` has
-the look of all.
+the common style.
 """
 
 from .chatter import compared_torques as compared_torques

@@ -16,27 +16,27 @@ from .compared import SPAN, Trace, clip_outside, columns_for, legend_rows, linea
 from .style import ROW, WIDTH, column_starts, draw_limit, joint_label, limit_handle, styled, thin_curve, use_time_axis
 
 SWINGS = 15
-"""Swings before and after a swing that it is compared with."""
+"""A swing is compared with this many swings before it, and as many after it."""
 
 SAMPLES = 8.0
-"""Torques with more samples between turning points do not chatter."""
+"""A torque with more samples between its turning points, on average, does not chatter."""
 
 LONGEST = 40
 """A band ends after this many samples without a turning point."""
 
 SEEN = 0.006
-"""A swing below this share of the axis to either side is hidden by the line itself."""
+"""A swing whose amplitude is below this share of the axis is hidden by the line's own width."""
 
 OUTLIER = 3.0
 """A swing this many times larger than usual is a step, not chattering."""
 
 
 class ChatterInterval(NamedTuple):
-    """A stretch of time in which a torque chatters.
+    """An interval of time in which a torque chatters.
 
-    - `first`, `last`: indices of its samples.
-    - `t`: times within it [m], s.
-    - `low`, `high`: range of the torque there [m].
+    - `first`, `last`: indices of its first and last sample.
+    - `t`: times of its turning points [points], s.
+    - `low`, `high`: range of the torque near these times [points].
     """
 
     first: int
@@ -47,13 +47,13 @@ class ChatterInterval(NamedTuple):
 
 
 def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval]:
-    """The stretches in which a torque alternates from sample to sample, far enough to be visible.
+    """Return the intervals in which a torque alternates quickly, and far enough to be visible.
 
-    Swings are measured from their own middle, which follows the motion; a steep transient with a ripple is as narrow as
-    its ripple.
+    Swings are measured from the mean of neighbouring turning points, which follows the motion. So the band of a steep
+    transient with a ripple is as narrow as the ripple.
 
-    - `t`: increasing [k], s.
-    - `y`: torque [k].
+    - `t`: increasing [samples], s.
+    - `y`: torque [samples].
     - `height`: height of the axis.
     """
     step = np.diff(y)
@@ -64,8 +64,8 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval
     around = np.pad(peaks, 1, mode="reflect")
     middle = 0.25 * around[:-2] + 0.5 * peaks + 0.25 * around[2:]
     swing, window = peaks - middle, 2 * SWINGS + 1
-    # Far above the middle of their sizes, for a log of every tenth sample has swings of all sizes; below the largest,
-    # which may be the transient.
+    # A high quantile, since a log of every tenth sample has swings of all sizes; not the maximum, which may be a
+    # transient.
     usual = percentile_filter(np.abs(swing), 75, window, mode="reflect")
     pace = uniform_filter1d(np.gradient(turns.astype(float)), window, mode="reflect")
     often = (usual > SEEN * height) & (pace <= SAMPLES)
@@ -90,14 +90,14 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval
 def compared_torques(
     runs: Mapping[str, Run], *, limits: Sequence[float] | np.ndarray | None = None, beginning: float = 2.0
 ) -> Figure:
-    """Per joint: the torques of all runs over the whole run, and to the right over the beginning.
+    """Torques of all runs by joint: to the left the whole run, to the right its beginning.
 
-    A chattering torque is a tinted band between its lowest and highest values. Over the whole run, peaks far above all
-    else are cut off; the beginning shows them in full.
+    A chattering torque is a tinted band between its lowest and highest values. To the left, peaks far above all other
+    values are cut off; the right panels show peaks in full.
 
     - `runs`: runs of the same arm, with logs, by name.
     - `limits`: largest torque of each joint's drive [N m or N].
-    - `beginning`: [s].
+    - `beginning`: duration of the right panels [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -143,11 +143,11 @@ def _draw(axes: Axes, curve: Trace, columns: int, limits: tuple[float, float]) -
             share = max(3, round(columns * (band.last - band.first) / len(t)))
             starts = column_starts(band.t, share)
             low, high = np.minimum.reduceat(band.low, starts), np.maximum.reduceat(band.high, starts)
-            # To the very end of the stretch, where the line goes on.
+            # Extend the band to the end of the interval, where the line continues.
             ends = np.append(band.t[starts], band.t[-1]), np.append(low, low[-1]), np.append(high, high[-1])
             bands += [ends, gap]
             calm_from = band.last
-    # One line with gaps in the place of many, so that the file stays small.
+    # A single line with gaps instead of many lines keeps the file small.
     if lines:
         axes.plot(*map(np.concatenate, zip(*lines, strict=True)), **{**look, "linewidth": 0.9})
     if bands:

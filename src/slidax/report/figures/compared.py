@@ -50,19 +50,19 @@ LOOKS: tuple[dict[str, Any], ...] = (
 """Colour and dashes of each run: enough for all schemes, distinct without colour too."""
 
 POINTS = 4800
-"""Points of all curves in a figure together at most, approximately."""
+"""Approximate limit of the number of points in a figure, over all curves."""
 
 
 SPAN = 6.0
-"""Range of an axis relative to the usual value of the median run; higher peaks are cut off."""
+"""Limit of a linear axis, as a multiple of the median run's usual value (`linear_range`); higher peaks are cut off."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One run as it is drawn.
+    """The curves of one run.
 
-    - `t`: time [k], s.
-    - `y`: values [k n], all finite.
+    - `t`: time [samples], s.
+    - `y`: values [samples joints], all finite; of a single joint also [samples].
     - `look`: colour and dashes.
     """
 
@@ -72,7 +72,7 @@ class Trace:
 
 
 def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
-    """The finite samples of each run.
+    """Return the curves of each run, from its finite samples.
 
     - `runs`: runs of the same arm, with logs, by name.
     - `field`: quantity of the log: `e`, `de` or `tau`.
@@ -84,7 +84,7 @@ def traces_of(runs: Mapping[str, Run], field: str) -> list[Trace]:
     traces = []
     for (name, run), look in zip(runs.items(), LOOKS, strict=False):
         if run.joint_names != first.joint_names or run.joint_units != first.joint_units:
-            raise DefinitionError(f"the run `{name}` is of an arm with other joints; runs of one arm can be compared")
+            raise DefinitionError(f"the run `{name}` is of an arm with other joints: compare runs of the same arm")
         log = log_of(run)
         y = np.asarray(getattr(log, field))
         finite = np.isfinite(y).all(axis=1)
@@ -101,15 +101,17 @@ def require_looks(named: Mapping[str, Any]) -> None:
 
 
 def columns_for(curves: int, points: int) -> int:
-    """Columns of a panel for a number of `curves` in the figure, with `points` per column."""
+    """Return the number of columns that a panel is divided into, for so many `curves`, with `points` per column."""
     return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
 def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[float, float]:
-    """The range of a linear axis: all values, unless a few peaks would flatten the rest.
+    """Return the limits of a linear axis: 0 and all values, unless a few peaks would flatten the rest.
 
-    - `values`: values of each curve [k].
-    - `span`: range relative to the usual value of the median run; infinite shows all.
+    A curve's usual value is the larger magnitude of its 1 % and 99 % quantiles.
+
+    - `values`: values of each curve [samples].
+    - `span`: limit of the axis, as a multiple of the curves' median usual value; infinite shows all values.
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
     whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
@@ -123,19 +125,19 @@ def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[floa
 
 
 def clip_outside(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """The values `y`, clipped one span outside the axis `limits`, where drawing does not overflow."""
+    """Clip the values `y` one axis length outside the `limits` of the axis, so that drawing does not overflow."""
     span = limits[1] - limits[0]
     return np.clip(y, limits[0] - span, limits[1] + span)
 
 
 def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """The largest sample of each column, from the first time to the last.
+    """Return the times and the values of the largest sample in each of several equal time intervals.
 
     Errors that oscillate about zero become lines at their amplitude, which can be distinguished.
 
-    - `t`: increasing [k].
-    - `size`: values >= 0 [k].
-    - `columns`: number of columns.
+    - `t`: increasing [samples].
+    - `size`: values >= 0 [samples].
+    - `columns`: number of intervals.
     """
     if len(t) <= columns:
         return t, size
@@ -143,7 +145,7 @@ def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np
     ends = np.append(starts[1:], len(t))
     peaks = [start + int(np.argmax(size[start:end])) for start, end in zip(starts, ends, strict=True)]
     x, y = np.append(t[peaks], t[-1]), np.append(size[peaks], size[peaks[-1]])
-    # An error that starts at zero comes from below any logarithmic axis; its line starts where it has a size.
+    # A value near zero is below the logarithmic axis: the line of such a start begins at the first peak.
     return (np.append(t[0], x), np.append(size[0], y)) if size[0] > 1e-3 * y[0] else (x, y)
 
 
@@ -167,13 +169,15 @@ def legend_rows(entries: int, width: float) -> int:
 def draw_pairs(
     runs: Mapping[str, Run], field: str, symbol: str, rate: str, beginning: float
 ) -> tuple[Figure, np.ndarray]:
-    """The figure and its panels [n 2]: to the left on a linear, to the right on a logarithmic axis.
+    """Draw a quantity of each joint: to the left its beginning, to the right its absolute value, logarithmic.
+
+    Returns the figure and its panels [joints 2].
 
     - `runs`: runs of the same arm, with logs, by name.
     - `field`: quantity of the log: `e` or `de`.
     - `symbol`: mathematical text with `%d` for the joint's number.
     - `rate`: suffix of the joint's unit: empty or `/s`.
-    - `beginning`: [s].
+    - `beginning`: duration of the left panels [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -186,7 +190,7 @@ def draw_pairs(
     panels = figure.subplots(joints, 2, sharex="col", squeeze=False, width_ratios=[1, 1.15])
     few, most = columns_for(2 * joints * len(runs), 4), columns_for(2 * joints * len(runs), 1)
     sizes = [np.abs(curve.y) for curve in curves]
-    # A run that diverges must not set the axis for the others: it may leave it at the top.
+    # A run that diverges must not set the axis for the others: its curve may leave the panel at the top.
     reached = [
         float(size.max()) for size, run in zip(sizes, runs.values(), strict=True) if run.outcome.ok and size.size
     ]
@@ -229,14 +233,14 @@ LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.6, "linestyle": "-", "zo
 def compared_errors(
     runs: Mapping[str, Run], *, bands: Mapping[str, Sequence[float]] | None = None, beginning: float = 2.0
 ) -> Figure:
-    """Per joint: the errors of all runs at the beginning, and to the right their sizes over the whole run.
+    """Errors of all runs by joint: to the left the beginning, to the right absolute values over the whole run.
 
-    A size is drawn at the largest sample of each column, so that an oscillation about zero is a line. The envelope is
-    drawn faintly if exactly one run has one.
+    A curve to the right has the largest sample of each short interval, so that an oscillation about zero is a line. The
+    envelope is drawn faintly if exactly one run has an envelope.
 
     - `runs`: runs of the same arm, with logs, by name.
     - `bands`: levels of |e| by name, one value per joint [rad or m].
-    - `beginning`: [s].
+    - `beginning`: duration of the left panels [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -254,7 +258,7 @@ def compared_errors(
 
 
 def _draw_envelope(panels: np.ndarray, run: Run, beginning: float) -> None:
-    """In the background, and without widening the axes."""
+    """Draw the envelope of a run in the background, and keep the limits of the axes."""
     log = log_of(run)
     if log.envelope is None:
         return
@@ -276,10 +280,10 @@ def _fill(axes: Axes, t: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
 
 @styled
 def compared_velocity_errors(runs: Mapping[str, Run], *, beginning: float = 2.0) -> Figure:
-    """Per joint: the velocity errors of all runs at the beginning, and to the right their sizes over the whole run.
+    """Velocity errors of all runs by joint: to the left the beginning, to the right absolute values over the whole run.
 
     - `runs`: runs of the same arm, with logs, by name.
-    - `beginning`: [s].
+    - `beginning`: duration of the left panels [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
     """
@@ -295,11 +299,11 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
     """Tip paths of all schemes over the desired path, seen from above; also from the side if the desired path rises.
 
-    Each path starts at a ring. Paths that stray by more than the size of the desired path are cut off, but for starts
-    within twice that size.
+    Each path starts at a ring. A path that strays from the desired path by more than that path's size is cut off. A
+    start within twice that size remains visible.
 
-    - `paths`: tip positions [k 3], m, by name.
-    - `desired`: desired tip positions [k 3], m.
+    - `paths`: tip positions [samples 3], m, by name.
+    - `desired`: desired tip positions [samples 3], m.
 
     Raises DefinitionError if there are no paths or too many.
     """
@@ -316,7 +320,7 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
     for axes, (across, up) in zip(panels, views, strict=True):
         axes.plot(*every_nth(goal[:, [across, up]], 300).T, **DESIRED, zorder=1.8)
         for path, look in zip(paths.values(), LOOKS, strict=False):
-            # A straying path is cut one size outside the picture, where the cut is out of sight.
+            # Clip a straying path far outside the picture, where the clipping is not visible.
             points = np.clip(np.asarray(path), low - spans.max(), high + spans.max())[:, [across, up]]
             axes.plot(*_thin_path(points, POINTS // (3 * len(paths) * len(views))).T, **{**look, "linewidth": 1.0})
             axes.plot(*points[0], marker="o", markersize=4.5, markerfacecolor="white", markeredgecolor="0.2", zorder=4)
@@ -332,7 +336,10 @@ def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> 
 
 
 def _box(paths: list[np.ndarray], goal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of the picture: a path may exceed the desired one by at most its size, a start by twice as much."""
+    """Return the lowest and the highest corner of the picture [3], m.
+
+    A path may exceed the desired path by at most the desired path's size, a start by twice as much.
+    """
     reach = np.ptp(goal, axis=0).max() or 1.0
     near = [path[0] for path in paths if np.abs(path[0] - goal[0]).max() < 2.0 * reach]
     shown = np.concatenate([goal, *(start[None] for start in near)])
@@ -367,13 +374,13 @@ def metric_bars(
 
     - `values`: by scheme, one value per joint, >= 0.
     - `label`: label of the axis, with the unit.
-    - `joints`: names; by default numbers.
+    - `joints`: names of the joints; by default numbers.
 
     Raises DefinitionError if there are no schemes, too many, or they have different numbers of joints.
     """
     require_looks(values)
     if len({len(row) for row in values.values()}) != 1:
-        raise DefinitionError("each scheme needs one value per joint, and all of them the same joints")
+        raise DefinitionError("each scheme needs one value per joint, for the same joints")
     table = np.array([list(row) for row in values.values()], dtype=float)
     drawn = np.where(np.isfinite(table) & (table > 0), table, np.nan)
     across = min(WIDTH, 4.3 + 0.12 * table.size)
@@ -405,7 +412,7 @@ def metric_bars(
 
 
 def _decades(drawn: np.ndarray) -> tuple[float, float]:
-    """From a decade below the least value, so that its bar has a height, to above the largest."""
+    """Return the ends of the axis: a power of ten below the least value, which shows its bar; above the largest."""
     if not np.isfinite(drawn).any():
         return 0.1, 10.0
     low, high = np.log10(np.nanmin(drawn)), np.log10(np.nanmax(drawn))

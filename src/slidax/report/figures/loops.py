@@ -60,7 +60,7 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
 
 @styled
 def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: str = "") -> Figure:
-    """Loops in the complex plane, with -1 and the disk around it that the nearest loop avoids.
+    """Open loops in the complex plane, with the point -1 and the disk of the smallest disk margin around it.
 
     - `loops`: frequency responses [k] by name.
     - `disks`: disk margins by name.
@@ -88,7 +88,7 @@ def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: 
 
 
 def _look(number: int) -> dict[str, Any]:
-    """Line styles, repeated with narrower lines."""
+    """Return the line style of a loop; after the last style they repeat, with narrower lines."""
     return {**LINES[number % len(LINES)], "linewidth": 1.1 if number < len(LINES) else 0.6}
 
 
@@ -108,12 +108,12 @@ def bounded_error(
     names: Sequence[str],
     units: Sequence[str],
 ) -> Figure:
-    """Per joint: both sides of the envelope by their distance from zero, and bounds of |e|, on a logarithmic axis.
+    """Absolute values of both sides of the envelope, and bounds of |e|, by joint, on a logarithmic axis.
 
-    - `t`: times [N], s.
-    - `radii`: radii of the narrower and the wider side [2 N n], rad or m.
-    - `bounds`: bounds of |e| by name: times [k], s, and bounds [k n].
-    - `names`, `units`: of the joints.
+    - `t`: times [times], s.
+    - `radii`: absolute values of the narrower and the wider side [2 times joints], rad or m.
+    - `bounds`: times [k], s, and bounds of |e| at these times [k joints], by name.
+    - `names`, `units`: names and units of the joints.
     """
     joints = radii.shape[2]
     columns = min(COLUMNS, joints)
@@ -121,7 +121,7 @@ def bounded_error(
     figure = Figure(figsize=(SMALL, 1.6 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
     sizes = np.concatenate([radii.ravel(), *(size.ravel() for _, size in bounds.values())])
-    # The axis leaves out what is rarely so small, and a bound is drawn for a part of the time only.
+    # The axis omits rare small values. A bound may cover only a part of the time, so its least value is repeated.
     use_size_axis(panels.ravel(), np.append(np.full(99, sizes[sizes > 0].min()), sizes.max()))
     time = every_nth(t)
     handles: list[Artist] = [envelope_patch()]
@@ -149,14 +149,14 @@ def bounded_error(
 
 BINS = 120
 LEAST = 0.2
-"""Smaller times are counted here [µs]."""
+"""Start of the axis; shorter times are counted here [µs]."""
 
 
 @styled
 def latencies(times: Mapping[str, np.ndarray], period: float) -> Figure:
-    """Number of ticks by latency, on logarithmic axes that show rare delays.
+    """Number of ticks of the control loop over their latency, on logarithmic axes that show rare delays.
 
-    - `times`: times of all ticks by name, s.
+    - `times`: latencies of all ticks by name, s.
     - `period`: sample time, drawn as a line [s].
     """
     figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")

@@ -1,4 +1,4 @@
-"""All joints of a run in one panel: the share of the allowed error that each uses."""
+"""Errors of all joints in one panel, each as a share of its envelope bound."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slidax.simulation.run import Run
 from .style import BAND, BOUND, LINES, SMALL, log_of, styled, thin_curve, use_time_axis
 
 HIGHEST = 250.0
-"""End of the axis at most, in %: far outside, a curve leaves the panel."""
+"""Largest end of the axis [%]; a curve that is higher leaves the panel."""
 
 
 @styled
@@ -28,7 +28,7 @@ def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     """
     log = log_of(run)
     if log.envelope is None:
-        raise DefinitionError("a share of the envelope needs a scheme with an envelope: draw `tracking_error` instead")
+        raise DefinitionError("this run has no envelope that its errors could be a share of: draw `tracking_error`")
     t = np.asarray(log.t)
     shares = 100.0 * bound_shares(run)
     names = short_names(run.joint_names)

@@ -44,7 +44,7 @@ from .style import (
 
 @styled
 def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Figure:
-    """Per joint: the error in its envelope, eq. (12), and to the right the error's size on a logarithmic axis.
+    """Tracking error by joint: to the left in its envelope, eq. (12), to the right its absolute value, logarithmic.
 
     - `run`: run with a log.
     - `window`: start and end [s]; by default the whole run.
@@ -105,10 +105,10 @@ def _draw_radii(axes: Axes, t: np.ndarray, narrow: np.ndarray, wide: np.ndarray)
 
 @styled
 def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
-    """Per joint: the velocity error over the beginning, and to the right its size over the whole run.
+    """Velocity error by joint: to the left the beginning, to the right its absolute value over the whole run.
 
     - `run`: run with a log.
-    - `beginning`: [s].
+    - `beginning`: duration of the left panels [s].
 
     Raises DefinitionError if the run has no log.
     """
@@ -133,11 +133,11 @@ def velocity_error(run: Run, *, beginning: float = 2.0) -> Figure:
 
 @styled
 def torque(run: Run, *, limits: Sequence[float] | np.ndarray | None = None, beginning: float = 2.0) -> Figure:
-    """Per joint: the torque over the whole run, and to the right over its beginning.
+    """Torque by joint: to the left the whole run, to the right its beginning.
 
     - `run`: run with a log.
     - `limits`: largest torque of each joint's drive [N m or N].
-    - `beginning`: [s].
+    - `beginning`: duration of the right panels [s].
 
     Raises DefinitionError if the run has no log.
     """
@@ -171,7 +171,7 @@ MARKS = {"start": "o", "end": "s"}
 def tip_path(actual: np.ndarray, desired: np.ndarray) -> Figure:
     """The tip's path and the desired one, seen from above, and from the side if the tip also moves vertically.
 
-    - `actual`, `desired`: tip positions over time [k 3], m.
+    - `actual`, `desired`: tip positions over time [samples 3], m.
     """
     actual, desired = np.asarray(actual), np.asarray(desired)
     rises = np.ptp(np.concatenate([actual, desired])[:, 2]) > 1e-9
@@ -214,7 +214,7 @@ LEVEL: dict[str, Any] = {"color": "0.1", "linewidth": 0.7, "linestyle": "-", "zo
 
 @styled
 def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]] | None = None) -> Figure:
-    """Per joint: the size of each run's error on a logarithmic axis, with levels for comparison.
+    """Absolute errors of several runs by joint, on a logarithmic axis, with levels for comparison.
 
     - `runs`: runs with logs, by name.
     - `levels`: horizontal lines by name, one value per joint [rad or m].
@@ -275,8 +275,9 @@ def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> 
 
 @styled
 def identified_torques(robot: Articulated, fit: LogFit) -> Figure:
-    """Per joint: measured, predicted and remaining torque of a log of the `robot`; the held-out part is shaded.
+    """Torques by joint: to the left measured and predicted, to the right their difference. The held-out part is shaded.
 
+    - `robot`: the identified arm.
     - `fit`: the log with its prediction.
     """
     t, n = fit.t - fit.t[0], robot.joints
@@ -288,7 +289,7 @@ def identified_torques(robot: Articulated, fit: LogFit) -> Figure:
         whole.plot(*thin_curve(t, fit.measured[:, i]), **LINES[0])
         whole.plot(*thin_curve(t, fit.predicted[:, i]), **LINES[1])
         rest.plot(*thin_curve(t, left[:, i]), **LINES[2])
-        # At the log's ends the filter has too few samples; what it makes of them would flatten the rest.
+        # At the log's ends the filter has too few samples; its large errors there would flatten the rest of the curve.
         largest = max(1.5 * float(np.quantile(np.abs(left[:, i]), 0.98)), 1e-12)
         rest.set_ylim(-largest, largest)
         whole.set_ylabel(joint_label(robot, i, r"\tau_{%d}", unit))

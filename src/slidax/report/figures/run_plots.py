@@ -1,4 +1,4 @@
-"""Plots of a run as methods: whole figures, or all joints in axes of one's own."""
+"""Plots of a run as methods: whole figures, or all joints in the caller's axes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RunPlots:
     run: Run
 
     def errors(self, ax: Axes | None = None) -> Any:
-        """Draw the tracking errors, rad or m, with the envelope in the figure of its own."""
+        """Draw the tracking errors, rad or m; the envelope only without `ax`."""
         return tracking_error(self.run) if ax is None else self._overlaid(ax, log_of(self.run).e, "error", "")
 
     def velocity_errors(self, ax: Axes | None = None) -> Any:

@@ -19,12 +19,12 @@ from .style import BOUND, LIMIT, LINES, SMALL, WIDTH, legend_above, styled, use_
 
 @styled
 def pareto_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, best: int | None = None) -> Figure:
-    """The first objective against each other one: candidates of a front, the best of them, and the current parameters.
+    """Candidates of a Pareto front and the current parameters, as the first objective against each other objective.
 
     - `labels`: labels of the objectives, with units.
-    - `front`: [candidates objectives].
+    - `front`: objectives of the candidates [candidates objectives].
     - `today`: objectives of the current parameters [objectives].
-    - `best`: index of the marked candidate; None for none.
+    - `best`: index of the candidate to mark; None to mark none.
     """
     others = range(1, len(labels)) if len(labels) > 1 else range(1)
     figure = Figure(figsize=(min(WIDTH, 3.4 * len(others) + 0.4), 2.9), layout="constrained")
@@ -60,11 +60,11 @@ def pareto_front(labels: Sequence[str], front: np.ndarray, today: np.ndarray, be
 
 
 FEW, MANY = 1000, 60
-"""From `FEW` runs on, counts have a logarithmic axis; bars of more and of fewer runs: at most `MANY`, and a third."""
+"""From `FEW` runs on, the counts have a logarithmic axis, and a panel up to `MANY` bars; with fewer runs, a third."""
 
 
 def _bins(numbers: np.ndarray) -> int:
-    """Number of bars by Freedman and Diaconis (1981), at least 5 and at most as many as can be told apart."""
+    """Return the number of bars by Freedman and Diaconis (1981), at least 5 and at most the limit for so many runs."""
     most = MANY if len(numbers) >= FEW else MANY // 3
     lower, upper = np.quantile(numbers, [0.25, 0.75])
     width = 2.0 * (upper - lower) / np.cbrt(len(numbers))
@@ -72,7 +72,7 @@ def _bins(numbers: np.ndarray) -> int:
 
 
 def _few_ticks(axis: Axis) -> None:
-    """Ticks that fit a small panel on a linear axis: at most five, with a common power of ten."""
+    """Set at most five ticks on a linear axis, with a common power of ten, to fit a small panel."""
     axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     formatter = ScalarFormatter(useMathText=True)
     formatter.set_powerlimits((-2, 4))
@@ -81,10 +81,10 @@ def _few_ticks(axis: Axis) -> None:
 
 @styled
 def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {}) -> Figure:
-    """One panel per quantity: number of runs over its value, logarithmic if all values are > 0 and span decades.
+    """Histograms of the runs, one panel per quantity; logarithmic if all values are > 0 and span more than 30 to 1.
 
-    - `values`: values of all runs by axis label; non-finite values are omitted.
-    - `limits`: positions of lines, by the same labels.
+    - `values`: values of all runs by axis label. Non-finite values, and quantities with equal values, are omitted.
+    - `limits`: positions of vertical lines, by axis label.
     """
     shown = {label: np.asarray(numbers)[np.isfinite(numbers)] for label, numbers in values.items()}
     # Omit values that are equal in all runs.
@@ -108,7 +108,7 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
         counts, _ = np.histogram(numbers, edges)
         axes.stairs(counts, edges, fill=True, facecolor="#C9D8E8", edgecolor="#0072B2", linewidth=0.6)
         if len(numbers) >= FEW:
-            # So that one run in a hundred thousand is seen.
+            # A single run of a hundred thousand stays visible.
             axes.set_yscale("symlog", linthresh=1.0)
             axes.set_ylim(0, 3.0 * int(counts.max()))
         else:
@@ -127,8 +127,8 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
 def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
     """One panel per quantity: a mark and an interval for each name, and a line at 0.
 
-    - `names`: names from top to bottom.
-    - `values`: by label: lower end, value, upper end [names 3]; NaN where there is none.
+    - `names`: names of the rows, from top to bottom.
+    - `values`: lower end, value and upper end of each row [names 3], by panel label; NaN for a missing value.
     """
     figure = Figure(figsize=(WIDTH, 0.26 * len(names) + 0.85), layout="constrained")
     panels = figure.subplots(1, max(len(values), 1), squeeze=False, sharey=True)[0]
@@ -148,25 +148,25 @@ def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
 
 
 MOST = 1500
-"""Points in a panel."""
+"""Every k-th of n runs is drawn, k = n // `MOST`, so that fewer than 2 `MOST` of these points are in a panel."""
 
-FEW = 200
-"""Points that are drawn as vectors."""
+RASTERED = 200
+"""Largest number of points that are drawn as vectors."""
 
 HELD: dict[str, Any] = {"marker": "o", "color": "#0072B2", "markersize": 1.6, "markeredgewidth": 0.0}
 FAILED: dict[str, Any] = {"marker": "x", "color": "#A33B20", "markersize": 4.0}
-"""Points of runs that held and that failed."""
+"""Marks of runs that did not fail, and of failed runs."""
 
 
 @styled
 def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str = "margin") -> Figure:
-    """One panel per uncertain parameter: the margin of each run over its value; failed runs are marked.
+    """Margin of each run over the value of an uncertain parameter, one panel per parameter. Failed runs are marked.
 
-    With many runs every k-th is drawn, and all with the least margin.
+    From many runs every k-th is drawn, and in addition the 500 with the least margin.
 
-    - `margin`: margin of each run; < 0 if it failed.
-    - `values`: values of each run by axis label.
-    - `names`: label of the margin.
+    - `margin`: margin of each run; < 0 if the run failed.
+    - `values`: the parameter's value in each run, by axis label.
+    - `names`: label of the margin axis.
     """
     known = np.isfinite(margin)
     order = np.flatnonzero(known)
@@ -178,12 +178,12 @@ def margin_over(margin: np.ndarray, values: Mapping[str, np.ndarray], names: str
     panels = figure.subplots(rows, 3, squeeze=False, sharey=True)
     for axes, (label, numbers) in zip(panels.ravel(), values.items(), strict=False):
         x = np.asarray(numbers, float)[chosen]
-        # Many points as a picture, which keeps its colours on a dark page; a few follow the page.
+        # Many points are a raster image, which keeps its colours on a dark page; vectors change theirs.
         for marked, look in ((~failed, HELD), (failed, FAILED)):
-            axes.plot(x[marked], margin[chosen][marked], **look, linestyle="none", rasterized=len(x) > FEW)
+            axes.plot(x[marked], margin[chosen][marked], **look, linestyle="none", rasterized=len(x) > RASTERED)
         if failed.any():
             axes.axhline(0.0, **LIMIT)
-        # A logarithmic axis where values are spread so, and not where some are near zero by chance.
+        # The axis is logarithmic if the values are spread over decades, and not if only a few are near zero.
         if len(x) and x.min() > 0 and x.max() > 30 * x.min() and np.median(x) < 0.25 * x.max():
             axes.set_xscale("log")
         else:
@@ -209,7 +209,7 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
     - `axes`: values of one or two parameters, by label.
     - `values`: the result at each combination; non-finite values are omitted.
     - `label`: label of the result, with the unit.
-    - `bound`: between good and bad; None for none.
+    - `bound`: result that separates good from bad; None for no line.
     """
     (first, x), *rest = axes.items()
     shown = np.ma.masked_invalid(np.asarray(values, float))
@@ -248,9 +248,9 @@ def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any], axis: Axi
 
 @styled
 def search_history(history: np.ndarray, label: str, bound: float | None = None) -> Figure:
-    """The lowest value so far, over the number of runs.
+    """The worst value so far, over the number of runs.
 
-    - `history`: number of runs and lowest value [looks 2].
+    - `history`: number of runs, and worst value so far, after each batch [batches 2].
     - `label`: label of the values, with the unit.
     - `bound`: a level to mark; None for none.
     """
@@ -280,7 +280,10 @@ def variance_shares(
     figure = Figure(figsize=(5.4, 0.42 * len(names) + 0.9), layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(names))[::-1]
-    looks = ((0.18, first, halves[0], LINES[0]["color"], "by itself"), (-0.18, total, halves[1], "white", "in all"))
+    looks = (
+        (0.18, first, halves[0], LINES[0]["color"], "alone"),
+        (-0.18, total, halves[1], "white", "with interactions"),
+    )
     handles = []
     for shift, values, half, color, label in looks:
         skin = {"facecolor": color, "edgecolor": LINES[0]["color"], "linewidth": 0.8}
@@ -297,10 +300,10 @@ def variance_shares(
 
 
 class RankingLine(NamedTuple):
-    """A scheme in the table of a benchmark.
+    """A scheme's row in the figure of a benchmark task.
 
     - `share`, `lower`, `upper`: share of cases inside the tolerance band, with its interval, in [0, 1].
-    - `error`: > 0; None where there is none.
+    - `error`: median steady error, > 0; None without a value.
     - `leads`: True to fill its dot.
     """
 
@@ -314,9 +317,9 @@ class RankingLine(NamedTuple):
 
 @styled
 def benchmark_table(lines: Sequence[RankingLine], share: str, error: str) -> Figure:
-    """A dot with its interval for each share, and on a logarithmic axis one for each error.
+    """A row for each scheme: to the left its share with an interval, to the right its error on a logarithmic axis.
 
-    - `lines`: lines from top to bottom.
+    - `lines`: the rows, from top to bottom.
     - `share`, `error`: labels of the axes.
 
     Raises DefinitionError if there is nothing to draw.

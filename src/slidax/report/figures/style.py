@@ -30,7 +30,7 @@ Drawn = TypeVar("Drawn")
 
 
 class NotebookFigure(Figure):
-    """A Figure that a notebook shows as SVG, with the settings that it was made with."""
+    """A Figure that a notebook shows as SVG, with the settings that it was drawn with."""
 
     settings: Any
 
@@ -42,7 +42,7 @@ class NotebookFigure(Figure):
 
 
 def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given, Drawn]]:
-    """Decorate a function that draws: matplotlib's `settings` hold inside, and the figure shows itself in notebooks."""
+    """Return a decorator for drawing functions: matplotlib's `settings` apply inside; notebooks show the figures."""
 
     def decorated(draw: Callable[Given, Drawn]) -> Callable[Given, Drawn]:
         @functools.wraps(draw)
@@ -50,7 +50,7 @@ def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given
             with rc_context(settings):
                 figure: Any = draw(*args, **kwargs)
             if isinstance(figure, Figure):
-                # Here, where every figure passes, and not in each function that draws one.
+                # Every figure passes here, so the functions that draw need no code for it.
                 figure.__class__ = NotebookFigure
                 figure.settings = settings  # type: ignore[attr-defined]
             return figure
@@ -140,11 +140,11 @@ LIMIT: dict[str, Any] = {"color": "#A33B20", "linewidth": 0.7, "linestyle": (0, 
 """A limit of the drives."""
 
 styled = drawn_by(STYLE)
-"""Decorates a function that draws with STYLE; its figure shows itself in a notebook."""
+"""Decorator of functions that draw with `STYLE`; a notebook shows their figures."""
 
 
 def envelope_patch(label: str = "envelope") -> Patch:
-    """The legend entry of an envelope, with a `label`."""
+    """Return the legend entry of an envelope, with a `label`."""
     return Patch(facecolor=BAND["facecolor"], edgecolor=BOUND["color"], linewidth=BOUND["linewidth"], label=label)
 
 
@@ -161,9 +161,9 @@ def use_time_axis(axes: Axes, start: float, end: float) -> None:
 
 
 def use_size_axis(panels: Iterable[Axes], sizes: np.ndarray) -> None:
-    """Use one logarithmic axis in whole decades for all `panels`, which shows nearly all `sizes` (>= 0).
+    """Set the same logarithmic axis in whole decades for all `panels`, to show nearly all `sizes` (>= 0).
 
-    The size of an error that crosses zero vanishes for a moment; the axis ends above the deepest such values.
+    The absolute value of an error is tiny while the error crosses zero. The lowest 2 % may be below the axis.
     """
     positive = sizes[np.isfinite(sizes) & (sizes > 0)]
     if not len(positive):
@@ -187,7 +187,7 @@ def use_plain_ticks(axis: Axis, low: float, high: float) -> None:
 
 
 NEAR = 0.4
-"""The limit is inside the axes if a torque exceeds this share of it."""
+"""The panel includes the torque limit if a torque exceeds this share of the limit."""
 
 
 def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
@@ -215,30 +215,30 @@ def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
 
 
 def limit_handle() -> Line2D:
-    """The legend entry of the limits."""
+    """Return the legend entry of the torque limits."""
     return Line2D([], [], **LIMIT, label="torque limit")
 
 
 LONGEST = 18
-"""Characters of a joint's name at most, for lack of space."""
+"""Largest number of characters of a joint's name in a label."""
 
 
 def log_of(run: Run) -> Log:
-    """The log of a `run`.
+    """Return the log of a `run`.
 
-    Raises DefinitionError if there is none, or it is too short.
+    Raises DefinitionError if there is no log, the log is too short, or the run is a batch.
     """
     if run.log is None:
-        raise DefinitionError("a figure needs the log of its run; simulate with `log_every=10`, not None")
+        raise DefinitionError("this run has no log, which a figure needs: simulate with `log_every=10`, not None")
     if np.ndim(run.log.t) != 1:
-        raise DefinitionError("a figure shows one run, and this is a batch; take one of its runs first")
+        raise DefinitionError("a figure shows a single run, and this is a batch: take one run, such as `runs[0]`")
     if len(run.log.t) < 2:
-        raise DefinitionError(f"a figure needs at least two logged samples; got {len(run.log.t)}; log more of them")
+        raise DefinitionError(f"a figure needs at least two logged samples; got {len(run.log.t)}: reduce `log_every`")
     return run.log
 
 
 def joint_label(run: Run | AbstractRobot, joint: int, symbol: str, unit: str) -> str:
-    """The axis label of a joint: its name, if it has one, above the symbol with its number.
+    """Return the axis label of a joint: its name, if it has one, above the symbol with its number.
 
     - `run`: run or arm with the joint.
     - `joint`: index from 0.
@@ -253,19 +253,20 @@ def joint_label(run: Run | AbstractRobot, joint: int, symbol: str, unit: str) ->
 
 
 HEIGHTS = 450
-"""A curve may be off by this fraction of its panel's height: less than half its line width."""
+"""A thinned curve may be off by 1/`HEIGHTS` of its panel's height, less than half its line width."""
 
 
 def thin_curve(
     x: np.ndarray, y: np.ndarray, columns: int = 280, limits: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The visible points of a curve in a figure: the first, last, lowest and highest of each column.
+    """Return the visible points of a curve: the first, last, lowest and highest in each of several equal intervals.
 
     No peak is lost. With known axis limits, points on a straight line between others are removed, too.
 
     - `x`: increasing [k].
     - `y`: values as the axis shows them, that is, logarithms on a logarithmic axis [k].
-    - `limits`: limits of the axis.
+    - `columns`: number of intervals.
+    - `limits`: limits of the axis of `y`.
     """
     if len(x) > 4 * columns:
         starts = column_starts(x, columns)
@@ -282,19 +283,19 @@ def thin_curve(
 
 
 def column_starts(t: np.ndarray, columns: int) -> np.ndarray:
-    """Index of the first sample in each non-empty one of `columns`; `t` is increasing [k]."""
+    """Return the index of the first sample in each nonempty one of `columns` equal intervals; `t` increases [k]."""
     column = np.minimum(((t - t[0]) * (columns / (t[-1] - t[0]))).astype(int), columns - 1)
     return np.flatnonzero(np.diff(column, prepend=-1))
 
 
 def every_nth(points: np.ndarray, most: int = 160) -> np.ndarray:
-    """About `most` of the `points` (along the first axis) of a smooth curve, with the first and the last."""
+    """Return about `most` of the `points` (along the first axis) of a smooth curve, with the first and the last."""
     chosen = np.unique(np.linspace(0, len(points) - 1, min(most, len(points))).round().astype(int))
     return points[chosen]
 
 
 def off_lines(points: np.ndarray, tolerance: float) -> np.ndarray:
-    """True for the `points` [k 2] that lines through the others miss by more than the `tolerance` [k].
+    """Return a mask of the `points` [k 2] to keep: lines through these miss no other by more than the `tolerance` [k].
 
     Douglas and Peucker's algorithm (1973).
     """
@@ -317,7 +318,7 @@ def off_lines(points: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _off_lines(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
-    """True for points that a line through the others misses by more than the tolerance [k]."""
+    """Return a mask of the points to keep: lines through these miss no other by more than the tolerance in y."""
     keep = np.zeros(len(x), bool)
     keep[[0, -1]] = True
     open_ends = [(0, len(x) - 1)]
@@ -379,29 +380,29 @@ DARK = {
     "#7a5230": "#c08a5a",
     "#8c8c00": "#c2c23a",
 }
-"""Colours on a dark page in place of those on a light one; the white ground becomes that of the page."""
+"""Colours on a dark page, by the colours on a light page. A white background becomes transparent in `dark_rules`."""
 
 
 def dark_rules(scope: str = "svg") -> str:
-    """Style sheet that gives figures the colours of a dark page, where the reader's system is dark.
+    """Return CSS rules that give figures the colours of a dark page if the reader's system uses dark mode.
 
-    - `scope`: selector of the figures, for their text.
+    - `scope`: CSS selector of the figures, for the colour of their text.
     """
-    # Without the scope, since markers are drawn in shadow trees, where no figure is an ancestor.
+    # Without the scope: markers are drawn in shadow trees, which have no figure as an ancestor.
     rules = [
         f'[style*="{place}:{light}"]{{{place}:{"transparent" if light == "#ffffff" else dark}!important}}'
         for light, dark in DARK.items()
         for place in ("fill", "stroke")
     ]
-    # Black text has no colour of its own in matplotlib's files; a hatch has its ground in an attribute.
+    # Black text has no colour of its own in matplotlib's files, and a hatch has its background in an attribute.
     rules = [f"{scope}{{fill:{DARK['#000000']}}}", f"{scope} pattern rect{{fill:transparent}}", *rules]
     return f"@media screen and (prefers-color-scheme:dark){{{''.join(rules)}}}"
 
 
 def to_svg(figure: Figure, name: str) -> str:
-    """A `figure` as an SVG document: text as paths, coordinates to a hundredth of a point, reproducible bytes.
+    """Return a `figure` as an SVG document: text as paths, coordinates to a hundredth of a point, reproducible bytes.
 
-    It follows the reader's system, light or dark.
+    Its colours follow the reader's system, light or dark.
 
     - `name`: prefix of its ids, so that several figures fit into one page.
     """
@@ -414,12 +415,12 @@ def to_svg(figure: Figure, name: str) -> str:
 
 
 def inline_svg(svg: str) -> str:
-    """An SVG document from `to_svg` without prolog, namespaces and dark colours, which the page has for all figures."""
+    """Return an SVG of `to_svg` without prolog, namespaces and dark colours, which a page has once for all figures."""
     return NAMESPACE.sub("", PROLOG.sub("", svg)).replace(dark_rules(), "").strip()
 
 
 def save(figure: Figure, path: Path | str) -> Path:
-    """Write a `figure` to `path`, whose ending is the format: svg, pdf, png."""
+    """Write a `figure` to `path`, whose suffix is the format: svg, pdf or png; return the path."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".svg":
@@ -432,7 +433,7 @@ def save(figure: Figure, path: Path | str) -> Path:
 
 
 def _compact(text: str) -> str:
-    """The same picture with fewer bytes: rounded, without ids and groups that nothing needs."""
+    """Shrink the text of an SVG: round numbers, and remove unused ids and groups."""
     for numbers in (PLACE, TRANSLATION):
         text = numbers.sub(lambda match: LONG_NUMBER.sub(_rounded, match[0]), text)
     text = GROUP_ID.sub("", COMMENT.sub("", text))
@@ -448,7 +449,7 @@ def _compact(text: str) -> str:
 
 
 def _shortened(data: str) -> str:
-    """Polygons with relative coordinates and without the points on straight lines; curves are only rounded."""
+    """Shrink path data: polygons get relative coordinates, without points on straight lines; curves get rounded."""
     data = LONG_NUMBER.sub(_rounded, data)
     if set("QC") & set(data):
         return data

@@ -1,8 +1,8 @@
 """Three-dimensional replays of finished runs: live in the browser, or as one HTML file.
 
-`show` and `record` draw the log of a run and compute nothing of their own. The packages that they need come with
-`pip install 'slidax[view]'` and are imported on first use. `skeleton_of.register` teaches the drawing a robot class of
-your own.
+`show` and `record` draw the log of a run and simulate nothing. The packages that they need come with
+`pip install 'slidax[view]'` and are imported on first use. Register a robot class of your own with
+`skeleton_of.register`.
 """
 
 from .show import View as View

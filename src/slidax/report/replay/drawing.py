@@ -24,12 +24,12 @@ from .solids import LOAD, Solid, merge_solids, turn_up
 
 @dataclass(frozen=True)
 class PayloadMotion:
-    """A payload in each frame of a replay; its frame is the tip's, also after its release.
+    """The pose of a payload in each frame of a replay. The payload's own frame is the tip frame while it is carried.
 
     - `solid`: the box of uniform density with the payload's mass and moments of inertia.
-    - `rotations`, `positions`: of its frame in the base frame [k 3 3], [k 3], m.
-    - `carried`: True while the tip carries it [k].
-    - `visible`: True while its pose is known [k].
+    - `rotations`, `positions`: pose of the payload's frame in the base frame [frames 3 3], [frames 3], m.
+    - `carried`: True while the tip carries the payload [frames].
+    - `visible`: True while the payload's pose is known [frames].
     """
 
     solid: Solid
@@ -39,15 +39,16 @@ class PayloadMotion:
     visible: np.ndarray
 
     def corners(self, frames: np.ndarray) -> np.ndarray:
-        """Corners of the box in some `frames` (a mask [k]), in the base frame [m 3], m."""
+        """Return the corners of the box in some `frames` (a mask), in the base frame [points 3], m."""
         turned = self.solid.vertices @ self.rotations[frames].transpose(0, 2, 1)
         return (turned + self.positions[frames, None]).reshape(-1, 3)
 
 
 def payload_motion(run: Run, plant: eqx.Module, skeleton: Skeleton, motion: SampledRun) -> PayloadMotion | None:
-    """The payload of a `run` of a `plant`, or None.
+    """Return the motion of the payload in a `run`; None if the plant has no payload.
 
-    - `skeleton`, `motion`: of its arm; the plant may be a robot without surroundings.
+    - `plant`: a plant, or only a robot.
+    - `skeleton`, `motion`: skeleton and motion of the plant's arm.
     """
     load = getattr(plant, "load", None)
     if not isinstance(load, TimedPayload) or not float(load.payload.mass) > 0:
@@ -75,7 +76,7 @@ def _box(load: TimedPayload) -> Solid:
 
 
 def _valid(body: FreeBody) -> FreeBody | None:
-    """The finite samples of a free body; None if there are none."""
+    """Return the finite samples of a free body; None without any."""
     rotation, position = np.asarray(body.rotation), np.asarray(body.position)
     with np.errstate(invalid="ignore"):
         valid = np.isfinite(rotation).all(axis=(1, 2)) & (np.abs(position) < LARGEST).all(axis=1)
@@ -83,7 +84,7 @@ def _valid(body: FreeBody) -> FreeBody | None:
 
 
 def _at(t: np.ndarray, body: FreeBody) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolated rotations and places; constant before the first and after the last sample."""
+    """Interpolate rotations and positions; they are constant before the first and after the last sample."""
     positions = np.stack([np.interp(t, body.t, column) for column in body.position.T], axis=1)
     if len(body.t) == 1:
         return np.tile(body.rotation, (len(t), 1, 1)), positions
@@ -95,7 +96,7 @@ FIELD_OF_VIEW = 0.7
 """Vertical opening angle of the camera [rad]."""
 
 FAR = 2.0
-"""A payload farther from the base than this multiple of the reach is not kept in view."""
+"""The camera does not keep a payload in view that is farther from the base than this multiple of the reach."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class SceneStage:
     - `rotation`: axes of the base frame as columns [3 3].
     - `height`: height of the base above the ground, m.
     - `camera`, `target`: positions of the camera and of the point that it looks at [3], m.
-    - `wide_camera`, `wide_target`: the same with both arms side by side [3], m.
+    - `wide_camera`, `wide_target`: these positions for a view of both arms side by side [3], m.
     - `shift`: offset of the reference when it is beside the true arm [3], m.
     - `size`: diameter of the visible scene, m.
     - `ground`: height of the ground, m.
@@ -142,7 +143,7 @@ class SceneStage:
 def make_stage(
     skeleton: Skeleton, motion: SampledRun, payload: PayloadMotion | None = None, table: float | None = None
 ) -> SceneStage:
-    """Surroundings for an arm and its `motion`; `table` is the height of a table above the base, m."""
+    """Return the surroundings for an arm and its `motion`; `table` is the height of a table above the base, m."""
     rotation = turn_up(skeleton.up)
     points = _points(skeleton, motion, payload) @ rotation.T
     thick = 0.05 * skeleton.reach
@@ -174,14 +175,14 @@ def make_stage(
 
 
 def _slab(above: np.ndarray, top: float, thick: float) -> np.ndarray:
-    """Lowest and highest corner of a table below the points `above` [2 3], m."""
+    """Return the lowest and the highest corner [2 3], m, of a table below the points `above`."""
     low, high = above.min(axis=0) - 2 * thick, above.max(axis=0) + 2 * thick
     low[2], high[2] = top - 0.3 * thick, top
     return np.stack([low, high])
 
 
 def _fallen(payload: PayloadMotion | None, rotation: np.ndarray, floor: float, far: float) -> np.ndarray:
-    """Corners of a released payload [m 3], m, that are above the floor and near."""
+    """Return the corners of a released payload that are above the floor and near the base [points 3], m."""
     if payload is None:
         return np.zeros((0, 3))
     corners = payload.corners(payload.visible & ~payload.carried) @ rotation.T
@@ -190,7 +191,7 @@ def _fallen(payload: PayloadMotion | None, rotation: np.ndarray, floor: float, f
 
 
 def _points(skeleton: Skeleton, motion: SampledRun, payload: PayloadMotion | None) -> np.ndarray:
-    """All positions of joints, tips, ends of prismatic joints, and carried payload in the base frame [k 3]."""
+    """Return all positions of joints, tips, prismatic joints' ends and carried payload, base frame [points 3], m."""
     points = [motion.actual_tip, motion.desired_tip]
     if payload is not None:
         points.append(payload.corners(payload.carried))
@@ -202,7 +203,7 @@ def _points(skeleton: Skeleton, motion: SampledRun, payload: PayloadMotion | Non
 
 
 def camera_for(corners: np.ndarray, look: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Camera position, target and diameter for `corners` [k 3], m, seen along the unit vector `look`."""
+    """Return camera position, target and diameter for `corners` [k 3], m; `look` is the unit vector to the camera."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     offsets = corners - middle
     right = np.array([-look[1], look[0], 0.0]) / np.hypot(look[0], look[1])
@@ -215,7 +216,7 @@ def camera_for(corners: np.ndarray, look: np.ndarray) -> tuple[np.ndarray, np.nd
 def require_packages(purpose: str, *packages: str, extra: str = "view") -> None:
     """Raise DefinitionError with the remedy if one of the packages is not installed.
 
-    - `purpose`: the subject of the message.
+    - `purpose`: subject of the message, such as "a replay in the browser".
     - `packages`: import names.
     - `extra`: the extra of slidax that installs them.
     """
@@ -258,7 +259,7 @@ def draw(
     """Prepare a run for `show` and `record`.
 
     - `run`, `plant`, `title`, `urdf`, `plain`: as for `show`.
-    - `rate`, `most`: frames per second of the run, > 0, and frames at most.
+    - `rate`, `most`: frames per second of simulated time, > 0, and largest number of frames.
 
     Raises DefinitionError if the run has no log, the robot is unknown, or a package is missing.
     """
@@ -280,7 +281,7 @@ def draw(
 
 
 def _meshes(robot: AbstractRobot, skeleton: Skeleton, urdf: str | Path | None, plain: bool) -> list[Solid] | None:
-    """The manufacturer's meshes of the arm; None if there are none."""
+    """Return the manufacturer's meshes of the arm; None for plain shapes."""
     if plain:
         if urdf is not None:
             raise DefinitionError("`plain` draws plain shapes and `urdf` draws meshes: give only one of them")
@@ -296,7 +297,7 @@ def _meshes(robot: AbstractRobot, skeleton: Skeleton, urdf: str | Path | None, p
 
 
 def _torque_limits(plant: eqx.Module, robot: AbstractRobot) -> np.ndarray:
-    """The smaller of the limits of the drive and of the data sheet."""
+    """Return each joint's torque limit: the smaller one of the drive's and the robot's."""
     limits = np.full(robot.joints, np.inf)
     if isinstance(robot, Articulated | Coupled):
         limits = np.minimum(limits, np.asarray(robot.limits.torque))

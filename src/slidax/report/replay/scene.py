@@ -162,7 +162,7 @@ class ReplayChart:
 
     - `server`: displays the chart.
     - `t`, `value`: times [k], s, and values [k].
-    - `bounds`: lower and upper [k] each, or None.
+    - `bounds`: lower and upper bound, [k] each; None for no bounds.
     - `label`: label of the quantity, with its unit.
     """
 
@@ -174,7 +174,7 @@ class ReplayChart:
         bounds: tuple[np.ndarray, np.ndarray] | None,
         label: str,
     ) -> None:
-        # The curves are sent anew as time passes, so few points; every peak of the value is among them.
+        # Every update sends the curves again, so they have few points; every peak of the value is among them.
         times, _ = thin_curve(t, value, columns=120)
         chosen = np.searchsorted(t, times)
         self._curves = [curve[chosen].astype(float) for curve in (t, value, *(bounds or ()))]
@@ -207,7 +207,7 @@ class ReplayChart:
         self._chart.remove()
 
     def _data(self, now: float) -> tuple[np.ndarray, ...]:
-        """All curves share one axis, so the vertical line is a curve with two points of its own on it."""
+        """Return the chart's data. All curves share the times, so the vertical line adds two equal times."""
         times = self._curves[0]
         index = int(np.searchsorted(times, now))
         axis = np.insert(times, index, [now, now])
@@ -218,9 +218,9 @@ class ReplayChart:
 
 
 def joint_charts(server: viser.ViserServer, drawing: Drawing, joint: int) -> list[ReplayChart]:
-    """Add the charts of one joint to the page.
+    """Add the charts of a joint's error and torque to the page, and return them.
 
-    - `server`, `drawing`: the page and its content.
+    - `server`, `drawing`: server of the page, and content of the replay.
     - `joint`: index from 0.
     """
     log = log_of(drawing.run)

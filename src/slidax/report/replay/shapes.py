@@ -48,8 +48,8 @@ def bone(
 ) -> trimesh.Trimesh:
     """A tapered rod with round ends.
 
-    - `start`, `end`: of its axis [3], m.
-    - `start_radius`, `end_radius`: m.
+    - `start`, `end`: ends of its axis [3], m.
+    - `start_radius`, `end_radius`: radii at these ends, m.
     - `flat`: make the start flat.
     """
     length = float(np.linalg.norm(end - start))
@@ -64,7 +64,7 @@ def bone(
 
 
 def frame(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """The pose of a frame as a matrix [4 4]; `rotation` has its axes as columns, `position` its origin [3], m."""
+    """Return a frame's pose as a matrix [4 4]; `rotation` has its axes as columns, `position` is its origin [3], m."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix
@@ -77,16 +77,16 @@ def move_mesh(mesh: trimesh.Trimesh, at: np.ndarray) -> trimesh.Trimesh:
 
 
 def solid(body: int, mesh: trimesh.Trimesh, colour: Colour, at: np.ndarray | None = None) -> Solid:
-    """A mesh on a `body`; `at` is its pose in the body's frame [4 4], identity by default."""
+    """Return a mesh as a solid on a `body`; `at` is its pose in the body's frame [4 4], identity by default."""
     if at is not None:
         mesh = move_mesh(mesh, at)
-    # Edges stay edges, and what is round looks round.
+    # Keep sharp edges, and shade round surfaces smoothly.
     smooth = trimesh.graph.smooth_shade(mesh, angle=0.5)
     return Solid(body, np.asarray(smooth.vertices), np.asarray(smooth.faces), colour)
 
 
 def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[Solid]:
-    """Shapes of the links and joints.
+    """Return plain shapes of the links and joints.
 
     - `skeleton`: skeleton of the arm.
     - `travel`: largest distance of each joint from 0 in a run [n], rad or m; the rod of a prismatic joint is that long.
@@ -145,7 +145,7 @@ def stand(skeleton: Skeleton, stage: SceneStage, *, foot: bool) -> list[Solid]:
 
 
 def slab(stage: SceneStage) -> Solid | None:
-    """The table of a `stage`, or None."""
+    """Return the table of a `stage`; None without a table."""
     if stage.table is None:
         return None
     low, high = stage.table
@@ -153,7 +153,7 @@ def slab(stage: SceneStage) -> Solid | None:
 
 
 def _radii(skeleton: Skeleton, size: float) -> np.ndarray:
-    """Radius of each body [n+1]; half as thick at the tip as at the base."""
+    """Return the radius of each body [n+1], m; the tip is half as thick as the base."""
     reach = skeleton.reach
     far = np.zeros(skeleton.joints + 1)
     for joint, parent in enumerate(skeleton.parents):
@@ -168,17 +168,17 @@ def _link(body: int, end: np.ndarray, start_radius: float, end_radius: float) ->
 
 
 LARGEST_MESH = 200 * MEGABYTE
-"""Size of a mesh file at most [bytes]."""
+"""Largest size of a mesh file [bytes]."""
 
 LARGEST_GAP = 1e-4
-"""Between a link's position by the URDF and by the robot's own frames [m]."""
+"""Largest difference between a link's position by the URDF and by the robot's own frames [m]."""
 
 
 def find_urdf(skeleton: Skeleton) -> Path | None:
     """Find the URDF with the joint names of a `skeleton` in the package `example-robot-data`, if installed."""
     for folder in _folders():
         for path in sorted(folder.glob("*/urdf/*.urdf")):
-            # Most are told apart without reading them as XML.
+            # A search in the text rules out most files without parsing XML.
             text = path.read_text(encoding="utf-8", errors="replace")
             if all(f'"{name}"' in text for name in skeleton.names) and _fits(skeleton, path):
                 return path
@@ -208,7 +208,7 @@ def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
         at = np.linalg.inv(bodies[carried[shape.link]]) @ links[shape.link] @ shape.at
         try:
             solids += [_solid(carried[shape.link], mesh, at, shape) for mesh in _meshes(shape)]
-        # Readers of meshes raise what they like.
+        # Mesh readers raise exceptions of any class.
         except Exception as error:
             missing.append(f"`{shape.file}` of link `{shape.link}` ({_one_line(error)})")
     if missing:
@@ -270,11 +270,14 @@ def _fits(skeleton: Skeleton, path: Path) -> bool:
 
 
 def _carried(skeleton: Skeleton, urdf: UrdfDrawing, path: Path) -> dict[str, int]:
-    """The body that carries each link; the link must not move on its body."""
+    """Return the index of the body that carries each link, by name.
+
+    Raises DefinitionError if a joint is missing, or a link moves relative to its body.
+    """
     tree = urdf.tree
     missing = [name for name in skeleton.names if name not in tree.joints]
     if missing:
-        raise DefinitionError(f"{path} has no joint `{missing[0]}`; it must be the URDF of this robot")
+        raise DefinitionError(f"{path} has no joint `{missing[0]}`; give the URDF of this robot")
     carried = {tree.root: 0}
     for name in tree.order:
         body = skeleton.names.index(name) + 1 if name in skeleton.names else carried[tree.parents[name]]
@@ -288,7 +291,10 @@ def _carried(skeleton: Skeleton, urdf: UrdfDrawing, path: Path) -> dict[str, int
         gap = float(np.abs(relative[0][link] - relative[1][link]).max())
         if gap > LARGEST_GAP:
             name = skeleton.names[carried[link] - 1]
-            raise DefinitionError(f"in {path}, joint `{name}` moves differently from this robot's, by {gap:.2g} m")
+            raise DefinitionError(
+                f"in {path}, joint `{name}` moves differently from this robot's joint, by {gap:.2g} m: give this "
+                "robot's URDF"
+            )
     return carried
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .scene import ReplayChart
 
 RATE = 240.0
-"""Frames per second of the run: each picture differs from the last one also at a quarter of the speed."""
+"""Frames per second of simulated time: consecutive pictures differ even at a quarter of the speed."""
 
 LIVE_FRAMES = 20_000
 
@@ -51,7 +51,7 @@ def show(
     port: int = 0,
     open_browser: bool = True,
 ) -> View:
-    """Play a run in the browser: true arm, reference as a ghost, paths of both tips, errors and torques.
+    """Play a run in the browser: true arm, translucent reference, paths of both tips, errors and torques.
 
     Returns at once. The `View` has `wait()`, which keeps a script alive, and `stop()`.
 
@@ -61,7 +61,7 @@ def show(
     - `urdf`: a URDF of this robot, whose meshes are drawn. Without it they come from the package
       `example-robot-data` if that is installed and has this robot; otherwise plain shapes are drawn.
     - `plain`: draw plain shapes in any case.
-    - `host`, `port`: address of the server; only this machine can reach it by default, and port 0 is any free one.
+    - `host`, `port`: address of the server; only this machine can reach it by default, and port 0 takes any free port.
     - `open_browser`: open the page.
 
     Raises DefinitionError if the run has no log, the robot is unknown or does not fit, or a package is missing.
@@ -82,7 +82,7 @@ def require_show() -> None:
 class Player(threading.Thread):
     """The clock of a replay, which restarts at the end.
 
-    - `start_time`, `end_time`: of the run [s].
+    - `start_time`, `end_time`: times at which the run starts and ends [s].
     - `show`: called from this thread with each new time [s].
     """
 
@@ -132,7 +132,7 @@ class Player(threading.Thread):
 class View:
     """A replay on a running server; leaving a `with` block stops it.
 
-    - `drawing`: its content.
+    - `drawing`: content of the replay.
     - `host`, `port`: address of the server.
     """
 
@@ -141,7 +141,7 @@ class View:
 
         from .scene import Scene
 
-        # viser's greeting would appear among the tables of the command line.
+        # Suppress viser's greeting, which would appear in the output of the command line.
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
         self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
@@ -219,7 +219,7 @@ class View:
 
         @self._slider.on_update
         def _(event: Any) -> None:
-            # The player moves the slider as well; that has no client.
+            # An update without a client is by the player, which moves the slider as well.
             if event.client is not None:
                 player.seek(float(self._slider.value))
 
@@ -264,7 +264,7 @@ class View:
 
 
 RECORDED_FRAMES = 6_000
-"""Frames of a recording at most: more would exceed the memory of the browser."""
+"""Largest number of frames of a recording: more would exceed the browser's memory."""
 
 
 def require_record(out: str | Path) -> None:
@@ -273,7 +273,7 @@ def require_record(out: str | Path) -> None:
     Called before a long run, so that its result is not lost.
     """
     if Path(out).suffix.lower() != ".html":
-        raise DefinitionError(f"a recording must end in .html; got `{Path(out).name}`")
+        raise DefinitionError(f"the file name of a recording must end in .html; got `{Path(out).name}`")
     require_packages("a recorded replay", "viser")
 
 
@@ -291,12 +291,12 @@ def record(
 ) -> Path:
     """Write the scene of `show` as one HTML file with viser's player in it, and return its path.
 
-    Neither a display nor graphics are needed.
+    Needs neither a display nor a GPU.
 
     - `run`, `plant`, `title`, `urdf`, `plain`: as for `show`.
     - `out`: the file, NAME.html.
     - `speed`: speed of the replay, > 0; 0.25 is slow motion.
-    - `frames_per_second`: > 0; a recording has 6000 frames at most, and a longer one fewer per second.
+    - `frames_per_second`: > 0; a recording has at most 6000 frames, so a long recording has fewer per second.
     - `beside`: draw the reference beside the true arm, not over it.
 
     Raises DefinitionError if the file has another ending, the run has no log, the robot is unknown, or a package is

@@ -30,7 +30,7 @@ class Poses:
     positions: np.ndarray
 
     def points(self, body: int, offset: np.ndarray) -> np.ndarray:
-        """A point of one `body` at all times [k 3], m; `offset` is the point in the body's frame [3], m."""
+        """Return a point of a `body` at all times [k 3], m; `offset` is the point in the body's frame [3], m."""
         return self.positions[:, body] + self.rotations[:, body] @ offset
 
 
@@ -39,9 +39,9 @@ class Skeleton:
     """Joint frames of an arm. Joints turn about or slide along their z axis, as in `Articulated`.
 
     - `parents`: index of the previous joint, -1 for the base.
-    - `rotations`, `translations`: of each frame in its parent's at position 0 [n 3 3], [n 3], m.
-    - `tip_joint`, `tip_rotation`, `tip_translation`: the tip in the frame of its joint [3 3], [3], m.
-    - `revolute`, `names`: of the joints.
+    - `rotations`, `translations`: pose of each frame in its parent's frame at joint position 0 [n 3 3], [n 3], m.
+    - `tip_joint`, `tip_rotation`, `tip_translation`: joint of the tip, and the tip's pose in its frame [3 3], [3], m.
+    - `revolute`, `names`: True for each revolute joint; names of the joints.
     - `up`: direction against gravity in the base frame [3].
     """
 
@@ -100,7 +100,7 @@ def _about_z(angles: np.ndarray) -> np.ndarray:
 
 
 def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
-    """The arm at positions `q` [n] as points from base to tip [m 3], m; joints of `robot` that coincide are one."""
+    """Return points of a `robot` at positions `q` [n], from base to tip [points 3], m; equal neighbours appear once."""
     bones = skeleton_of(robot)
     poses = bones.poses(np.asarray(q)[None])
     joints = np.array(bones.chain) + 1
@@ -111,7 +111,7 @@ def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
 
 @singledispatch
 def skeleton_of(robot: Any) -> Skeleton:
-    """The skeleton of a `robot`. Add a robot class of your own with `skeleton_of.register`.
+    """Return the skeleton of a `robot`. Add a robot class of your own with `skeleton_of.register`.
 
     Raises DefinitionError for an unknown robot class.
     """
@@ -164,7 +164,7 @@ def _(robot: Scara) -> Skeleton:
 
 
 def _serial(elbow: np.ndarray, *, tip: np.ndarray, up: np.ndarray) -> Skeleton:
-    """Two joints in series that turn about z."""
+    """Return the skeleton of two revolute joints in series, which turn about z."""
     return Skeleton(
         parents=(-1, 0),
         revolute=(True, True),
@@ -209,7 +209,7 @@ def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledR
 
     - `run`: a run with a log.
     - `skeleton`: the skeleton of its robot.
-    - `rate`: frames per second of the run, > 0.
+    - `rate`: frames per second of simulated time, > 0.
     - `most`: largest number of frames; a longer run has fewer per second.
 
     Raises DefinitionError if the run has no log, or the robot has other joints.
@@ -238,7 +238,7 @@ def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledR
 
 
 def valid_samples(log: Log) -> np.ndarray:
-    """True for each sample of a `log` that can be drawn [k]; a failed run may end in huge or non-finite values."""
+    """Return a mask of the samples to draw [k]: the `log` of a failed run may end in huge or non-finite values."""
     values = np.concatenate([np.asarray(part) for part in (log.state.q, log.reference.q, log.tau)], axis=1)
     with np.errstate(invalid="ignore"):
         return (np.abs(values) < LARGEST).all(axis=1)

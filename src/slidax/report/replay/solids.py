@@ -18,7 +18,7 @@ LOAD: Colour = (158, 138, 118)
 TABLE: Colour = (238, 224, 200)
 AXES: tuple[Colour, Colour, Colour] = ((200, 60, 50), (70, 150, 70), (50, 90, 190))
 """Colours of links, joints, stand, true arm, reference, payload, table, and the axes of the tip. The true arm and the
-reference have their colours of the figures.
+reference have the same colours as in the figures.
 """
 
 GHOST = 0.35
@@ -46,7 +46,7 @@ class Solid:
     colour: Colour
 
     def shrunk(self, depth: float) -> np.ndarray:
-        """The vertices, moved inwards by `depth` [m], [v 3]."""
+        """Return the vertices, moved inwards by `depth` [m], as [v 3], m."""
         corners = self.vertices[self.faces]
         areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = np.zeros_like(self.vertices)
@@ -71,7 +71,7 @@ def _joined(group: list[Solid]) -> Solid:
 
 
 def turn_up(up: np.ndarray) -> np.ndarray:
-    """The shortest rotation [3 3] from a unit vector `up` [3] to z."""
+    """Return the shortest rotation [3 3] from a unit vector `up` [3] to z."""
     axis = np.cross(up, [0.0, 0.0, 1.0])
     cosine = float(up[2])
     if cosine < -1 + 1e-12:

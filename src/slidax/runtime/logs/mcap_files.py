@@ -53,8 +53,8 @@ MOST_OF_A_CHUNK = 256 * MEGABYTE
 """Largest unpacked chunk [bytes]; writers end a chunk after a few MB."""
 
 UNPACKED, RATIO = 64 * MEGABYTE, 30
-"""Largest unpacked size of all chunks [bytes]: `UNPACKED + RATIO` times the file's size. A robot's data compress by a
-factor of at most 10, zeros by 1000.
+"""Limit of the unpacked size of all chunks [bytes]: `UNPACKED` plus `RATIO` times the file's size. A robot's data
+compress by a factor of at most 10, zeros by 1000.
 """
 
 _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
@@ -89,7 +89,7 @@ class _DamagedError(Exception):
 def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
     """Return the records of an MCAP file.
 
-    - `types`: keep only messages of these types, in CDR; by default all messages and other records.
+    - `types`: keep only CDR-encoded messages of these types; by default, keep all messages and other records.
 
     Raises DefinitionError if the file cannot be read, is no MCAP file, or unpacks to too much, or mcap is missing.
     """
@@ -130,8 +130,8 @@ def _records(path: Path) -> Iterator[Any]:
                     if record.uncompressed_size > MOST_OF_A_CHUNK or left < 0:
                         raise DefinitionError(
                             f"`{path}`, {size / MEGABYTE:.3g} MB, unpacks to more than "
-                            f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, more than any robot "
-                            "log: if it is a robot log, write it again without compression"
+                            f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, the limit for a "
+                            "log of this size: write the log again without compression, in chunks of a few MB"
                         )
                     yield from _records_in_chunk(record)
                 elif kind == "Message":
@@ -253,6 +253,7 @@ class LogWriter:
     """Writes messages in chunks that are complete once flushed, so that a truncated file can be read.
 
     - `path`: the file; None for live data only.
+    - `channels`: messages of the log.
     - `metadata`: metadata of the run, as texts.
     - `attachments`: files by name, including `scenario.yaml`.
     - `start`: wall-clock time of t = 0 [ns].
@@ -305,15 +306,21 @@ class LogWriter:
         self._arm = [(message, _open_channel(foxglove, message, context)) for message in channels.arm()]
 
     def law(self, columns: Columns) -> None:
-        """Write answers of the law: columns by name; the first axis is the answer."""
+        """Write messages of the law.
+
+        - `columns`: arrays by name, one row per command.
+        """
         self._write(self._law, columns, columns["t"])
 
     def arm(self, columns: Columns) -> None:
-        """Write ticks of a simulated arm: columns by name; the first axis is the tick."""
+        """Write messages of a simulated arm.
+
+        - `columns`: arrays by name, one row per tick.
+        """
         self._write(self._arm, columns, columns["true_t"])
 
     def flush(self) -> None:
-        """Complete the chunk, which survives the end of this process.
+        """End the current chunk and write it, so that it is not lost if this process ends.
 
         Raises OSError if the file cannot be written.
         """
@@ -322,7 +329,7 @@ class LogWriter:
             self._require_written()
 
     def close(self) -> None:
-        """End the file and the server.
+        """Complete and close the file, and stop the server.
 
         Raises OSError if the file cannot be written.
         """
@@ -343,7 +350,7 @@ class LogWriter:
             return
         stamps = self._start + np.round(t * SECOND).astype(np.int64)
         times = stamps.tolist()
-        # Bypass the wrapper, which takes as long as the writing.
+        # Bypass foxglove's Python wrapper, which takes as long as the writing.
         packed = [(channel.base.log, message.packed(stamps, columns)) for message, channel in channels]
         # In time order, as readers expect.
         for k, time in enumerate(times):
@@ -362,8 +369,8 @@ class SavedLog:
 
     - `metadata`: metadata of the run, as texts.
     - `attachments`: files by name.
-    - `law`: columns with one row per answer of the law; signals as `signal:NAME`.
-    - `arm`: columns with one row per tick of a simulated arm; no rows for a real one.
+    - `law`: columns with one row per command of the law; signals as `signal:NAME`.
+    - `arm`: columns with one row per tick of a simulated arm; no rows for a real arm.
     - `complete`: False if the file has no end record, as after a crash of the writer.
     """
 
@@ -395,7 +402,7 @@ class SavedLog:
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The files that the scenario names."""
+        """Files that the scenario refers to, by name: all attachments except the scenario."""
         return {name: content for name, content in self.attachments.items() if name != SCENARIO}
 
 
@@ -425,7 +432,7 @@ def read_mcap(path: str | Path) -> SavedLog:
 
 
 def _columns(messages: dict[str, list[bytes]], kinds: list[Message]) -> dict[str, np.ndarray]:
-    # A chunk holds complete answers, but the last one may be cut if it was not ended by a flush.
+    # A flushed chunk has all messages of each command. The last chunk may be incomplete if it was not flushed.
     rows = min(len(messages.get(kind.topic, ())) for kind in kinds)
     columns: dict[str, np.ndarray] = {}
     for kind in kinds:

@@ -42,7 +42,7 @@ class MessageField:
 
 @dataclass(frozen=True)
 class Message:
-    """A message type with a topic of its own.
+    """A message type and its topic.
 
     - `type`: such as `sensor_msgs/msg/JointState`.
     - `fields`: fields after the header and the names.
@@ -97,7 +97,7 @@ class Message:
         return b"\0\1\0\0" + bytes(body), positions
 
     def packed(self, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[bytes]:
-        """Encode messages.
+        """Return messages, encoded as CDR.
 
         - `stamps`: times of the messages [ns], [m].
         - `columns`: values of each field by column; the first axis is the message.
@@ -113,7 +113,7 @@ class Message:
         return [encoded[k : k + size] for k in range(0, len(encoded), size)]
 
     def unpacked(self, messages: Sequence[bytes]) -> dict[str, np.ndarray]:
-        """Decode messages from `packed`, by column.
+        """Return the columns of messages from `packed`, by name.
 
         Raises ValueError if a message has another size.
         """
@@ -174,7 +174,7 @@ class Channels:
     - `joints`, `units`: joint names and units of their positions.
     - `signals`: the law's signals with their sizes; None for a scalar.
     - `bounded`: True if the law has an envelope.
-    - `bits`: names of the status bits, lowest first.
+    - `bits`: names of the status bits, lowest bit first.
     """
 
     joints: tuple[str, ...]
@@ -184,7 +184,7 @@ class Channels:
     bits: tuple[str, ...]
 
     def law(self) -> list[Message]:
-        """Messages written for each answer of the law."""
+        """Messages written for each command of the law."""
         n = len(self.joints)
         reference = tuple(MessageField(_READABLE[name], "float64", n, column=name) for name in REFERENCE)
         torque = (
@@ -287,5 +287,5 @@ class Channels:
 
 
 def names_of_bits(bits: Sequence[str], status: int) -> list[str]:
-    """Names of the bits that are set in `status`; `bits` has all names, lowest first."""
+    """Names of the bits that are set in `status`; `bits` has the names of all bits, lowest bit first."""
     return [name for bit, name in enumerate(bits) if status >> bit & 1]

@@ -22,7 +22,7 @@ TOPIC = "/joint_states"
 """The usual topic of joint states."""
 
 OWN = "/truth"
-"""Topic of the simulated arm in slidax's logs, for display."""
+"""Topic in slidax's logs with the true state of the simulated arm; read only if no other topic has joint states."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,11 @@ def choose_topic(
         )
     notes = list(notes)
     if chosen != TOPIC:
-        notes.append(f"reading topic `{plain_name(chosen)}`, the only one with joint states of the arm")
+        owner = " of the arm" if chosen in with_joints else ""
+        notes.append(f"reading topic `{plain_name(chosen)}`, the only one with joint states{owner}")
     elif others:
         names = ", ".join(f"`{plain_name(name)}`" for name in sorted(others)[:8])
-        notes.append(f"reading topic `{TOPIC}`; joint states also on {names} (`--topic`)")
+        notes.append(f"reading topic `{TOPIC}`; other topics with joint states: {names} (choose by `--topic`)")
     return JointStates(chosen, _decoded(source, bodies[chosen], decode), tuple(notes))
 
 

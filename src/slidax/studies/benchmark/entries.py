@@ -52,7 +52,7 @@ class BenchmarkTask(AbstractDescription):
     scenario: dict[str, Any]
     """A scenario without a scheme."""
     sampled_data: dict[str, Any] = Field(default={})
-    """The block `sampled_data` of every scheme in that form."""
+    """Block `sampled_data` of every scheme in sampled-data form."""
     tolerance: dict[str, Any]
     """Tolerance band for the errors, as in a scenario; also the envelope of every scheme that has one."""
     uncertainty: Uncertainty
@@ -95,8 +95,8 @@ class GainDescription(AbstractDescription):
     between: tuple[float, float]
     """The ends."""
     times: Literal["nothing", "inertia", "strength", "period"] = "nothing"
-    """Scale of the ends: per joint the diagonal of the nominal inertia matrix at the start; the norm of the drives'
-    torque limits; the period."""
+    """Scale of the ends. `inertia`: diagonal of the nominal inertia matrix at the start, joint by joint; `strength`:
+    norm of the drives' torque limits; `period`: the sample time."""
 
 
 class SchemeGains(AbstractDescription):
@@ -176,7 +176,7 @@ def _gain(declared: Parameter, value: Any, prefix: str) -> list[tuple[str, GainD
     ends = [end.number for end in declared.range.ends]
     low, high = value / FACTOR, value * FACTOR
     if any(end is None for end in ends):
-        # An end is another gain: values near the scheme's own are likely to respect it.
+        # An end of the range is another gain: values near the scheme's own are likely to respect it.
         low, high = value / 1.2, value * 1.2
     else:
         low = max(low, ends[0] + 0.02 * (value - ends[0])) if ends[0] is not None and ends[0] > -math.inf else low
@@ -204,10 +204,10 @@ def _set(gain: GainDescription, base: ScenarioDescription) -> AbstractSet:
 
 Form = Literal["sampled-data", "printed"]
 FORMS: tuple[Form, ...] = ("sampled-data", "printed")
-"""With the common estimator, learning, prediction and limits, or as printed in the scheme's source."""
+"""Forms of a scheme: with the common estimator, learning, prediction and limits, or as its source prints it."""
 
 COMMON_NAMES = {("computed_torque", "sampled-data"): "computed_torque + disturbance observer"}
-"""Better known names of a scheme in a form."""
+"""Better known names, by scheme and form."""
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,10 @@ CONFIDENCE = 0.95
 class Score:
     """Score of an `entry` on the held-out cases of a task.
 
-    - `inside`: share of cases that never left the tolerance band; `interval`: of Clopper and Pearson.
+    - `inside`, `interval`: share of cases that never left the tolerance band, with Clopper and Pearson's interval.
     - `failed`: share of lost cases.
     - `medians`: medians of each metric over the cases that were not lost; None if all were.
-    - `behind`: p-value of McNemar's test against the largest share, by Holm over the schemes of the task.
+    - `behind`: p-value of McNemar's test against the largest share, adjusted by Holm's method over the task's schemes.
     """
 
     entry: BenchmarkEntry
@@ -43,8 +43,8 @@ class Ranking:
     """Ranking of the schemes on a `task`.
 
     - `scores`: the best first: leading schemes by their steady error, then the others by their share.
-    - `p_value`: p value of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
-    - `by`: the criterion between the first and the second.
+    - `p_value`: p-value of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
+    - `by`: criterion that ranks the first scheme before the second: `steady error` or `share inside`.
     """
 
     task: str
@@ -114,10 +114,10 @@ class Overall:
     """A scheme over all tasks.
 
     - `tasks`: number of its tasks.
-    - `best`, `leads`: number of tasks on which it is first, and on which it leads.
+    - `best`, `leads`: number of tasks on which the scheme is first, and on which it leads.
     - `inside`, `failed`: shares of cases, averaged over the tasks.
-    - `error`: its median steady error relative to the best on each task, geometric mean; None without results.
-    - `step`: its median steady torque step relative to the best on each task, geometric mean; None without results.
+    - `error`: median steady error relative to the least on each task, geometric mean; None without results.
+    - `step`: median steady torque step relative to the least on each task, geometric mean; None without results.
     """
 
     entry: BenchmarkEntry

@@ -43,8 +43,8 @@ class TaskResult:
     - `gains`: tuned gains, by path.
     - `cost`: mean of `costs` over the training cases.
     - `inside`: True if the held-out case never left the tolerance band [cases].
-    - `failed`: True if the case was lost: not finite, or steady errors above the band's initial radius [cases].
-    - `metrics`: `KEPT`, by name [cases].
+    - `failed`: True if the case was lost: it ended early, or its steady error exceeds the band's initial bound [cases].
+    - `metrics`: the metrics in `KEPT`, by name [cases].
     - `seconds`: wall-clock time.
     """
 
@@ -68,7 +68,7 @@ def run_task(
     """
     started = time.perf_counter()
     with warnings.catch_warnings():
-        # Some gains in the ranges only suit other arms.
+        # Warnings are useless here: some gains in the ranges suit other arms only.
         warnings.simplefilter("ignore")
         base = entry.described(task)
         family = Family.of(base, task.uncertainty, entry.gains().sets(base))
@@ -132,15 +132,15 @@ def mark_inside(columns: Columns) -> NDArray[np.bool_]:
 
 
 def mark_failures(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
-    """Return True for each lost case: not finite, or a steady error above the tolerance band's initial radius."""
+    """Return True for each lost case: it ended early, or its steady error exceeds the band's initial bound."""
     return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
 
 
 def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
     """Return the tuner's cost of each case.
 
-    - Inside the tolerance band: `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, below 1, with the worst joint's steady error e and steady
-      torque step Δτ.
+    - Inside the tolerance band: `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, at most 1, with the worst joint's steady error e and
+      steady torque step Δτ.
     - Outside: `1 + min(8, -m) + n/(n + 100)`, below 10, with the margin m and n samples outside.
     - For a run that ended at t: `20 - t/(1 s + t)`.
     """
@@ -181,7 +181,7 @@ OnResult = Callable[[str, BenchmarkEntry, float], None]
 
 @dataclass(frozen=True)
 class BenchmarkRound:
-    """`tasks` by name, `entries`, and the tuner's `budget`."""
+    """A round of the benchmark: `tasks` by name, `entries`, and the tuner's `budget` of gain sets."""
 
     tasks: Mapping[str, BenchmarkTask]
     entries: Sequence[BenchmarkEntry]
@@ -255,7 +255,7 @@ class BenchmarkRound:
         ranges = {path: gain.model_dump() for path, gain in gains.tuned.items()}
         request = [_text(task), ranges, gains.fixed]
         if entry.file_of_law is not None:
-            # Another law under the same name is another request.
+            # Results of another law under the same name must not be reused.
             request.append(entry.file_of_law.read_text(encoding="utf-8"))
         text = json.dumps(request, sort_keys=True)
         return {
@@ -275,7 +275,7 @@ class BenchmarkRound:
 class RoundResults:
     """Results of a `round`.
 
-    - `by_key`: result by task and entry; a message if the scheme cannot run.
+    - `by_key`: result by task and entry, or a message if the scheme cannot run on the task.
     """
 
     round: BenchmarkRound
@@ -324,7 +324,7 @@ def _write(path: Path, identity: dict[str, Any], result: TaskResult | str) -> No
 
 
 def _read(path: Path, identity: dict[str, Any]) -> TaskResult | str | None:
-    """Return a stored result; None if it is missing or belongs to another request."""
+    """Return a stored result; None if it is missing, or is for other tasks, gains or laws."""
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -7,7 +7,7 @@ globalThis.studioParts = {};
   const KEY = "slidax-studio-token";
   const SLOT = Math.random().toString(36).slice(2);
 
-  /* The address has the token only once. */
+  /* Keep the token, and remove it from the address. */
   const given = /(?:^#|&)token=([\w-]+)/.exec(location.hash);
   if (given) {
     localStorage.setItem(KEY, given[1]);
@@ -15,7 +15,7 @@ globalThis.studioParts = {};
   }
 
   class Refused extends Error {
-    constructor(status, { where = "", message = "no reason was given" } = {}, exists = false) {
+    constructor(status, { where = "", message = "the server gave no reason" } = {}, exists = false) {
       super(where ? `${where}: ${message}` : message);
       this.status = status;
       this.exists = exists;

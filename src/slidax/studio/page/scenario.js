@@ -4,7 +4,7 @@
 (() => {
   const { values, element, button, lineOf } = studioParts;
 
-  /* - `page`: of the playground.
+  /* - `page`: returns the playground's page.
      - `files`: the folder's files; `renew` reads them again. */
   studioParts.scenarioPanel = ({ page, files, about, opened }) => {
     const [line, say] = lineOf();

@@ -72,7 +72,7 @@
 
   globalThis.slidaxStudio = {
     ready: begin,
-    /* File names are relative to the studio's folder. An overtaken run returns null. */
+    /* File names are relative to the studio's folder. A run that a newer one replaces returns null. */
     async run({ scenario, side }) {
       try {
         return await run({ text: JSON.stringify(scenario), path: "playground.yaml" }, side);

@@ -1,8 +1,8 @@
-/* The whole setting in the address, short and readable:
+/* The page's state in the URL fragment, short and readable:
 
      #v=1&arm=panda&scheme=cftsmppc&scheme.surface.k1=0.7&simulation.period=0.002&b:scheme=pd
 
-   What is not named is the default. "b:" begins what belongs to B. */
+   All other values have their defaults. The prefix "b:" marks the values of B, the run to compare. */
 
 import { exactNumber } from "./numbers.js";
 import { fits } from "./playground.js";
@@ -30,7 +30,7 @@ function encoded(text) {
   return encodeURIComponent(text).replace(/%(2C|3A|2F)/g, found => decodeURIComponent(found));
 }
 
-/* What an address says: {a, b, faults}. What it gets wrong is a line in `faults`, and the default in its place. */
+/* Reads a URL fragment: {a, b, faults}. Each invalid part gives a line in `faults`; its default is used instead. */
 export function fromAddress(playground, hash) {
   const faults = [];
   const text = hash.replace(/^#/, "");

@@ -1,4 +1,4 @@
-/* Texts as a zip file, stored as they are. */
+/* Texts as a zip file without compression. */
 
 const CRC_TABLE = Uint32Array.from({ length: 256 }, (_, k) => {
   let value = k;
@@ -12,7 +12,8 @@ export function checksum(bytes) {
   return (value ^ 0xffffffff) >>> 0;
 }
 
-/* - `files`: texts by name. The same texts make the same bytes: all are of one date. */
+/* Returns the zip file. Equal texts give equal bytes, since all files have the same date.
+   - `files`: texts by file name. */
 export function zipped(files) {
   const encoder = new TextEncoder();
   const parts = [];

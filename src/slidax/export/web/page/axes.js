@@ -1,14 +1,14 @@
-/* From numbers to places in a chart. */
+/* Axes: map numbers to places in a chart, 0 to 1. */
 
 import { ticksBetween } from "./numbers.js";
 
-/* A straight axis. */
+/* A linear axis. */
 export function linearAxis(low, high) {
   const span = high - low || 1;
   return { low, high, place: y => (y - low) / span, ticks: count => ticksBetween(low, high, count) };
 }
 
-/* Straight within ±`near`, by decades beyond. */
+/* An axis that is about linear within ±`near`, and logarithmic beyond. */
 export function decadeAxis(low, high, near) {
   const bent = y => Math.sign(y) * Math.log10(1 + Math.abs(y) / near);
   const [a, b] = [bent(low), bent(high)];
@@ -23,7 +23,7 @@ export function decadeAxis(low, high, near) {
   return { low, high, place: y => (bent(y) - a) / (b - a), ticks };
 }
 
-/* The least and greatest finite number of a signal from a sample on; null if there is none. */
+/* [least, greatest] finite value of a signal from the sample `from` on; null if there is none. */
 export function extent({ y, offset, stride, rows }, from = 0) {
   let low = Infinity, high = -Infinity;
   for (let row = from; row < rows; row++) {

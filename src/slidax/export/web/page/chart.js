@@ -1,4 +1,4 @@
-/* One chart: a row for each joint, over one axis of time. Two canvases: curves, and the cursor over them. */
+/* A chart with one row per joint over a common time axis. One canvas has the curves, one above it the cursor. */
 
 import { shownNumber } from "./numbers.js";
 import { colourOf } from "./theme.js";
@@ -7,7 +7,7 @@ const LEFT = 46, RIGHT = 8, TOP = 6, BOTTOM = 22, GAP = 8, VALUE = 62;
 
 export class Chart {
   /* - `place`: the element that holds both canvases.
-     - `seek`: called with a time when a person points at one. */
+     - `seek`: called with a time when the user points at it. */
   constructor(place, seek) {
     this.curves = place.querySelector("canvas.curves");
     this.over = place.querySelector("canvas.over");
@@ -105,7 +105,7 @@ export class Chart {
     pen.stroke();
   }
 
-  /* Where a curve is in each column of the picture: [x, low, high], from what is finite there. */
+  /* Range of a curve in each column of the picture: [x, low, high], over its finite values. */
   columns({ t, y, offset, stride, rows }) {
     const found = [];
     const perColumn = Math.max(1, Math.floor(rows / (2 * this.wide)));
@@ -173,7 +173,7 @@ export class Chart {
     }
   }
 
-  /* The line at the time that is shown, and the values there. */
+  /* Draws a line at the time t, and the values there. */
   drawCursor(t) {
     const [pen, width] = this.fit(this.over);
     if (!this.rows.length || width < LEFT + RIGHT + 10) return;
@@ -188,7 +188,7 @@ export class Chart {
   drawValues(pen, row, top, t, x) {
     pen.textBaseline = "top";
     let right = this.left + this.wide - 5;
-    /* Above where a curve ends, or below. */
+    /* The text is at the bottom of the row if the curve ends high, else at its top. */
     const ended = row.lines[0]?.curve;
     const last = ended ? row.axis.place(ended.y[ended.offset + (ended.rows - 1) * ended.stride]) : 0;
     const text = last > 0.55 ? top + this.rowHeight - 16 : top + 4;
@@ -209,7 +209,7 @@ export class Chart {
     this.tag(pen, `${row.title} [${row.unit}]`, right, text, "--ink");
   }
 
-  /* Where an envelope is narrow: to the right. */
+  /* Draws a text that ends at `right`, on a background; on the right, where an envelope is narrow. */
   tag(pen, text, right, top, name) {
     const wide = pen.measureText(text).width;
     pen.textAlign = "right";
@@ -220,7 +220,7 @@ export class Chart {
   }
 }
 
-/* The last sample at or before a time. */
+/* Index of the last sample at or before a time. */
 export function rowAt(times, t) {
   let low = 0, high = times.length - 1;
   while (low < high) {

@@ -1,4 +1,4 @@
-/* From results to what charts show. */
+/* Curves, bands and axes of the charts, from the results of runs. */
 
 import { decadeAxis, extent, linearAxis } from "./axes.js";
 
@@ -12,7 +12,7 @@ export function curve(result, signal, joint = 0) {
   return { t: result.t, y, offset: stride === 1 ? 0 : joint, stride, rows: result.t.length };
 }
 
-/* The lower and upper bound of an error; null for a run without an envelope. */
+/* Curves of the lower and upper bound of a joint's error; null for a run without an envelope. */
 export function boundsOf(result, joint) {
   const [low, high] = [curve(result, "lower", joint), curve(result, "upper", joint)];
   if (low && high) return { low, high };
@@ -21,7 +21,8 @@ export function boundsOf(result, joint) {
   return { low: { ...radius, y: radius.y.map(value => -value) }, high: radius };
 }
 
-/* - `results`: of A, and of B if there is one.
+/* Chart rows of the errors.
+   - `results`: results of A, and of B if there is one.
    - `view`: "whole", "end" or "decades". */
 export function errorRows(results, names, units, view) {
   return names.map((title, joint) => {
@@ -75,7 +76,7 @@ function sameCurve(a, b) {
   return true;
 }
 
-/* How near each sample comes to the envelope: 0 in its middle, 1 at a bound; of the joint that is nearest. */
+/* Error relative to its bound at each sample, for the joint nearest to its bound: 0 without an error, 1 at the bound. */
 export function nearness(result, joints) {
   const found = new Float64Array(result.t.length);
   let known = false;
@@ -94,7 +95,8 @@ export function nearness(result, joints) {
   return known ? found : null;
 }
 
-/* When a run was first at or outside a bound: {time, joint from 1}; null if never, undefined without an envelope. */
+/* First time at which a joint was at or outside a bound: {time, joint from 1}; null if never, undefined without an
+   envelope. */
 export function firstOutside(result, joints) {
   let first = null;
   let known = false;

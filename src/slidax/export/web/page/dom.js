@@ -1,7 +1,7 @@
-/* Elements, made in one expression. */
+/* Construction of HTML elements in one expression. */
 
-/* - `tag`: its name, with classes after dots.
-   - `given`: attributes; `on` has listeners, `text` is its text; false and null leave one out.
+/* - `tag`: name of the element, with classes after dots.
+   - `given`: attributes; `on` has event listeners, `text` is the text; an attribute that is false or null is left out.
    - `children`: nodes and texts. */
 export function element(tag, given = {}, ...children) {
   const [name, ...classes] = tag.split(".");
@@ -21,7 +21,7 @@ export function byId(id) {
   return document.getElementById(id);
 }
 
-/* A table with a head; the first cell of each row names it. What does not fit scrolls, by keyboard as well. */
+/* A table with a head; the first cell of each row is its title. A table that is too wide scrolls, also by keyboard. */
 export function tableOf(caption, head, rows) {
   const heads = head.map(text => element("th", { scope: "col", text }));
   const body = rows.map(([first, ...cells]) =>

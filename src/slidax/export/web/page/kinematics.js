@@ -1,9 +1,9 @@
-/* Where the links of an arm are. */
+/* Forward kinematics of an arm. */
 
 import { identity, moved, placed, point, times, turned, upright } from "./matrix.js";
 
 export class Kinematics {
-  /* - `arm`: of the manifest. */
+  /* - `arm`: entry of the manifest. */
   constructor(arm) {
     this.links = arm.kinematics.map(link => ({ ...link, frame: placed(link.origin) }));
     this.tip = arm.tip;
@@ -11,7 +11,7 @@ export class Kinematics {
     this.joints = this.links.filter(link => link.joint !== null).length;
   }
 
-  /* The frame of each link in the room, for positions `q` from `offset` on. What is not finite counts as 0. */
+  /* Frame of each link in the world, for the joint positions in `q` from `offset` on; non-finite ones count as 0. */
   poses(q, offset = 0) {
     const frames = [];
     for (const link of this.links) {
@@ -36,7 +36,7 @@ export class Kinematics {
   }
 }
 
-/* The way of the tip, at most `most` points of a run. */
+/* Path of the tip in a run, in at most `most` points. */
 export function tipPath(kinematics, q, rows, most = 500) {
   const every = Math.max(1, Math.ceil(rows / most));
   const path = [];

@@ -1,4 +1,5 @@
-/* Guarantees before a run, and the outcome of this one. Each light has a sign and words besides its colour. */
+/* Lights for the certificates before a run, and for the outcome of the run. In addition to its colour, each light has a
+   sign and a text. */
 
 import { firstOutside } from "./curves.js";
 import { element } from "./dom.js";
@@ -11,7 +12,7 @@ function light(state, title, words, details = []) {
     element("div", {}, element("p", {}, element("b", { text: title }), ` ${words}`), details.map(text => element("p.small", { text }))));
 }
 
-/* Whether a path is what another names, or part of it, or the other way about. */
+/* True if two paths are equal, or one is part of the other. */
 function touches(path, read) {
   return path === read || path.startsWith(`${read}.`) || read.startsWith(`${path}.`);
 }
@@ -25,7 +26,7 @@ export function certificateLights(playground, chosen) {
     const stale = moved.filter(path => !reads?.length || reads.some(read => touches(path, read)));
     if (stale.length) {
       const names = [...new Set(stale.map(titles))].join(", ");
-      return light("grey", title, `is not known here: ${names} moved.`, [`Before, it said: ${sentence(statement)}`]);
+      return light("grey", title, `is unknown: ${names} changed.`, [`Before the change: ${sentence(statement)}`]);
     }
     const state = holds === true ? "good" : holds === false ? "bad" : "grey";
     const held = since ? `holds from ${shownNumber(since, 3)} s on` : "holds";
@@ -35,18 +36,18 @@ export function certificateLights(playground, chosen) {
   });
 }
 
-/* A certificate's statement without the marks around names. */
+/* A certificate's statement without the quotes around names. */
 function sentence(text) {
   return capitalised(text.replaceAll("`", ""));
 }
 
 export function runLights(result, joints) {
   const lights = [];
-  if (!result.t.length) return [light("grey", "Inside its envelope", "is not known: nothing was run.")];
+  if (!result.t.length) return [light("grey", "Inside its envelope", "is unknown: the run did not start.")];
   const first = firstOutside(result, joints);
-  if (first === undefined) lights.push(light("grey", "Envelope", "is not there: nothing is promised of the error."));
+  if (first === undefined) lights.push(light("grey", "Envelope", "none: there is no guarantee for the error."));
   else if (first) lights.push(light("bad", "Inside its envelope", `no: joint ${first.joint} was outside at ${shownNumber(first.time)} s.`));
-  else if (broken(result)) lights.push(light("bad", "Inside its envelope", "only as far as the run went."));
+  else if (broken(result)) lights.push(light("bad", "Inside its envelope", "until the run ended early."));
   else lights.push(light("good", "Inside its envelope", "in every sample of this run."));
   lights.push(monitorLight(result));
   return lights;
@@ -54,25 +55,25 @@ export function runLights(result, joints) {
 
 function monitorLight(result) {
   const warned = result.signals.assumption_violated;
-  const title = "Assumptions, as the law watches them:";
+  const title = "Assumptions, monitored by the law:";
   if (!warned) return light("grey", title, "this scheme has no monitor.");
   const wide = warned.length / result.t.length || 1;
   const found = warned.findIndex(value => value > 0.5);
-  if (found < 0) return light("good", title, "none was seen broken.");
+  if (found < 0) return light("good", title, "no violation was detected.");
   const joint = wide > 1 ? `, at joint ${(found % wide) + 1}` : "";
-  return light("bad", title, `one was broken, first at ${shownNumber(result.t[Math.floor(found / wide)])} s${joint}.`);
+  return light("bad", title, `a violation was detected, first at ${shownNumber(result.t[Math.floor(found / wide)])} s${joint}.`);
 }
 
 export function broken(result) {
   return !["ok", "finished", "recovered"].includes(result.outcome.kind) && !staysOutside(result);
 }
 
-/* A run may go on outside its envelope to its end. */
+/* True if a run left its envelope, but went on to its end. */
 function staysOutside(result) {
   return ["left_envelope", "left"].includes(result.outcome.kind) && result.asked && result.t.at(-1) >= result.asked - 1e-9;
 }
 
-/* [state, words] of how a run ended. */
+/* [state, text] of the outcome of a run. */
 export function outcomeOf(result, joints) {
   const { kind, message } = result.outcome;
   if (["ok", "finished"].includes(kind)) {

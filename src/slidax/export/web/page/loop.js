@@ -1,4 +1,4 @@
-// A closed loop as WebAssembly: laid out in memory, called in pieces, and told in the words of slidax.
+// Runs a closed loop as WebAssembly: lays out its memory, calls it in pieces, and returns log, metrics and outcome.
 
 import { loopOutcome } from "./outcome.js";
 import { loopMetrics } from "./metrics.js";
@@ -9,17 +9,17 @@ const LOOP_ARRAYS = {
   b1: Uint8Array,
 };
 const LOOP_PAGE = 65536;
-// About how many samples pass in one call, so that a browser's better compiler takes over soon.
+// Approximate number of samples per call: short calls let the browser's optimising compiler take over soon.
 const LOOP_CHUNK = 250;
 
-// The bytes of base64 of gzip.
+// Decodes a text: base64 of gzip.
 export async function inflateBytes(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// Places in memory for arrays of [type, count], each at a multiple of 8.
+// Addresses in memory for arrays of [name, type, count, rows], each a multiple of 8.
 function loopPlaces(entries, start) {
   let at = Math.ceil(start / 8) * 8;
   const places = entries.map(([, type, count, rows]) => {
@@ -30,7 +30,7 @@ function loopPlaces(entries, start) {
   return { places, end: at };
 }
 
-// Multiply-adds become calls of as many bytes, in a browser that does not know them.
+// For a browser without relaxed SIMD: replaces each multiply-add in the code by a call of the same length.
 function loopWithoutMadds(program, bytes) {
   const { from, to, entry, once, twice, others } = program.code;
   const kept = new Set(others);
@@ -45,7 +45,7 @@ function loopWithoutMadds(program, bytes) {
 export async function openProgram(manifest, programId) {
   const found = manifest.programs.find((one) => one.id === programId);
   if (!found) throw new Error(`the playground has no program ${programId}`);
-  // Where its numbers are: many words, of which few differ.
+  // The layout of its memory, which is packed since it is long and repetitive.
   const program = { ...found, ...JSON.parse(new TextDecoder().decode(await inflateBytes(found.layout))) };
   const bytes = await inflateBytes(program.wasm);
   if (!WebAssembly.validate(bytes)) loopWithoutMadds(program, bytes);
@@ -57,11 +57,11 @@ async function runLoop(program, code, inputs) {
   if (inputs.length !== program.inputs) throw new Error(`the program takes ${program.inputs} numbers`);
   const begun = performance.now();
   const { reads, writes, carried } = program;
-  // What follows the numbers of the loop: how many samples there are, and one in how many is logged.
+  // The last two inputs are not part of the loop: the number of samples, and the logging stride.
   const [samples, every] = [inputs[inputs.length - 2], inputs[inputs.length - 1]];
   const chunk = Math.max(1, Math.floor(LOOP_CHUNK / every)) * every;
   const rows = Math.ceil(samples / every);
-  // The table, the inputs, and the outputs: those that are written row by row have room for all rows.
+  // Memory: the table of addresses, the inputs, and the outputs. Logged outputs have room for all rows.
   const read = loopPlaces(reads.map(([type, count]) => ["", type, count, 1]), 4 * (reads.length + writes.length));
   const written = loopPlaces(
     writes.map(([name, type, count, logged]) => [name, type, count, logged ? rows : 1]), read.end,
@@ -99,7 +99,7 @@ async function runLoop(program, code, inputs) {
       writes.forEach(([name], k) => { if (name.startsWith("1.")) start[name.slice(2)] = Array.from(view(k)); });
     }
     if (kind[0] !== 0n) break;
-    // The next piece goes on where this one ended.
+    // The state at the end of this piece is the start of the next one.
     for (let k = 0; k < carried; k += 1) {
       const [, type, size] = writes[logs + k];
       const from = written.places[logs + k];

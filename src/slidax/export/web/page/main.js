@@ -1,4 +1,4 @@
-/* The page: what a person does, and what is shown of it. */
+/* The page: connects the user's input with sessions, pictures and tables. */
 
 import { byId, element } from "./dom.js";
 import { Tunables } from "./tunables.js";
@@ -89,7 +89,7 @@ class Page {
       changed: () => this.changed(),
       finished: (side, result) => this.finished(side, result),
       failed: (side, reason) => this.failed(side, reason),
-      faults: lines => this.fault(lines.length ? `The link is not read in full: ${lines.join("; ")}. The default stands in its place.` : ""),
+      faults: lines => this.fault(lines.length ? `A part of the link is invalid: ${lines.join("; ")}. The default is used instead.` : ""),
     });
     document.title = manifest.title;
     document.querySelector("h1").textContent = manifest.title;
@@ -110,7 +110,7 @@ class Page {
     this.session.put(this.playground.start(arm, kept ?? schemes[0]), null, true);
   }
 
-  /* What is chosen is another; its run comes later. */
+  /* Updates the page for another choice; the results of its run come later. */
   changed() {
     const { a, b } = this.session;
     const setting = this.playground.setting(a);
@@ -133,15 +133,15 @@ class Page {
     byId("swap").hidden = byId("drop").hidden = byId("same-box").hidden = !b;
     byId("same").checked = this.session.same;
     byId("c").disabled = !setting.c_files;
-    byId("c").title = setting.c_files ? "" : "The C of this setting is not in the page: slidax export c makes it of the scenario.";
+    byId("c").title = setting.c_files ? "" : "The page does not have the C code of this setting: run slidax export c with the scenario.";
     byId("reset").disabled = !Object.keys(a.values).length && !Object.keys(a.choices).length;
     this.tunables.show(this.playground, a);
     byId("certificates").replaceChildren(...certificateLights(this.playground, a));
-    if (!byId("certificates").children.length) byId("certificates").append(element("li.light", { text: "None was made for this law." }));
+    if (!byId("certificates").children.length) byId("certificates").append(element("li.light", { text: "There are none for this law." }));
     const served = this.playground.program(a)?.engine === "server";
     byId("lead-where").textContent = served
-      ? "Move any slider: the whole run is computed anew, by the studio on this machine."
-      : "Move any slider: the whole run is computed anew in your browser, by the code that the law is exported as.";
+      ? "Move any slider: the studio on this machine computes the whole run again."
+      : "Move any slider: your browser computes the whole run again, with the exported code of the law.";
     document.body.toggleAttribute("data-runs", true);
   }
 
@@ -172,7 +172,7 @@ class Page {
     if (side === "A") globalThis.slidaxStudio?.changed?.(this);
   }
 
-  /* A, and B if it is there already. */
+  /* Results of A, and of B if there is one already. */
   shownResults() {
     const { A, B } = this.session.results;
     const arm = this.session.a.arm;
@@ -205,7 +205,7 @@ class Page {
     this.say(text);
   }
 
-  /* What a studio and a test may ask. */
+  /* State of A, for a studio and for tests. */
   state() {
     return this.session.described("A");
   }

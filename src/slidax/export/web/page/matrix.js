@@ -20,7 +20,7 @@ export function point(matrix, [x, y, z]) {
   return [0, 1, 2].map(row => matrix[row] * x + matrix[4 + row] * y + matrix[8 + row] * z + matrix[12 + row]);
 }
 
-/* Where a frame is: place, and quaternion with its real part first. */
+/* Matrix of a frame, from its position and its quaternion with the real part first. */
 export function placed([x, y, z, w, i, j, k]) {
   return [
     1 - 2 * (j * j + k * k), 2 * (i * j + w * k), 2 * (i * k - w * j), 0,
@@ -40,7 +40,7 @@ export function moved(x, y, z) {
   return [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1];
 }
 
-/* The turn that takes one direction to z. */
+/* Rotation that maps a direction to the z axis. */
 export function upright([x, y, z]) {
   const size = Math.hypot(x, y, z) || 1;
   const cosine = z / size;
@@ -62,7 +62,7 @@ export function minus(a, b) {
   return a.map((x, k) => x - b[k]);
 }
 
-/* From the room to a camera at `eye` that looks at `target`, z upwards. */
+/* View matrix: from the world to a camera at `eye` that looks at `target`, with z up. */
 export function looking(eye, target) {
   const back = unit(minus(eye, target));
   const right = unit(cross([0, 0, 1], back));

@@ -1,9 +1,9 @@
-/* The metrics of a run, of two beside each other, and of each joint. */
+/* Tables of metrics: of a run, of two runs in comparison, and of each joint. */
 
 import { element, tableOf } from "./dom.js";
 import { shownNumber } from "./numbers.js";
 
-/* Key, title, unit ("q" is the joints' own, "tau" of their torque), and whether the least of the joints is the worst. */
+/* Key, title, unit ("q" for that of the joint, "tau" for that of its torque), and true if the smallest value is worst. */
 const MEASURES = [
   ["settling_time.1e-2", "settled to |e| ≤ 1e-2", "s"],
   ["settling_time.1e-3", "settled to |e| ≤ 1e-3", "s"],
@@ -45,12 +45,12 @@ function unitText(unit, units) {
   return unit.replace("tau²", torque.includes(" ") ? `(${torque})²` : `${torque}²`).replace("tau", torque);
 }
 
-/* - `results`: of A, and of B if there is one.
-   - `titles`: what they are called. */
+/* - `results`: results of A, and of B if there is one.
+   - `titles`: titles of the results. */
 export function showMeasures(place, results, titles, joints, units) {
   const list = known(results);
   if (!list.length) {
-    place.replaceChildren(element("p.small", { text: "This program measures nothing besides its curves." }));
+    place.replaceChildren(element("p.small", { text: "This program has no metrics, only curves." }));
     return;
   }
   const name = ([, title, unit]) => (unit ? `${title} [${unitText(unit, units)}]` : title);

@@ -1,11 +1,11 @@
-// The metrics of a run from its statistics, as slidax.analysis computes them; what is not known is NaN.
+// The metrics of a run from its statistics, as slidax.analysis computes them; unknown ones are NaN.
 
 function metricsBand(band) {
   const [mantissa, exponent] = band.toExponential().split("e");
   return `${mantissa}e${Number(exponent)}`;
 }
 
-// By key, each one number per joint, or one for the run.
+// Metrics by key, each one number per joint, or one for the run.
 export function loopMetrics(program, ended) {
   const { period, bands, joints } = program;
   const tally = (name) => ended(`tally.${name}`);

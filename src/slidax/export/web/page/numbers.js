@@ -1,6 +1,6 @@
-/* Numbers as text. None of them ever reads NaN. */
+/* Numbers as text, never "NaN". */
 
-/* For a reader: a few digits; "–" for what is not finite. */
+/* For a reader: a few digits; "–" if the number is not finite. */
 export function shownNumber(x, digits = 4) {
   if (typeof x !== "number" || !Number.isFinite(x)) return "–";
   if (x === 0) return "0";
@@ -10,7 +10,7 @@ export function shownNumber(x, digits = 4) {
   return `${Number(mantissa)}e${Number(exponent)}`;
 }
 
-/* For a machine: the shortest text that is read as the same number. */
+/* For a program: the shortest text that is read as the same number. */
 export function exactNumber(x) {
   if (!Number.isFinite(x)) throw new RangeError("only finite numbers are written");
   return String(Object.is(x, -0) ? "-0.0" : x);
@@ -21,7 +21,7 @@ export function withUnit(x, unit, digits = 4) {
   return unit ? `${shownNumber(x, digits)} ${one}` : shownNumber(x, digits);
 }
 
-/* The nearest number of few digits, as a slider sets it. */
+/* Rounds to a few digits, for a slider. */
 export function rounded(x, digits = 3) {
   return Number(x.toPrecision(digits));
 }
@@ -39,7 +39,7 @@ export function ticksBetween(low, high, count) {
   return ticks;
 }
 
-/* With a great letter first, but for symbols: k₁ is not K₁. */
+/* The text with a capital first letter, except for symbols such as k₁. */
 export function capitalised(text) {
   return text.replace(/^\p{Ll}(?=\p{L})/u, letter => letter.toUpperCase());
 }

@@ -1,8 +1,8 @@
-// How a run ended, in the words of slidax.simulation.
+// The outcome of a run, with the messages of slidax.simulation.
 
 import { capitalised } from "./numbers.js";
 
-// A number with so many digits, as Python's "g" writes it.
+// A number with `digits` significant digits, as Python's format "g" writes it.
 export function shortNumber(value, digits) {
   if (value === 0) return Object.is(value, -0) ? "-0" : "0";
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : value > 0 ? "inf" : "-inf";
@@ -15,7 +15,7 @@ export function shortNumber(value, digits) {
   return trim(value.toFixed(digits - 1 - power));
 }
 
-// "joint 2", or "joint `elbow`" where it has a name of its own.
+// "joint 2", or "joint `elbow`" if the joint has a name.
 function outcomeJoint(program, joint) {
   const name = program.joint_names[joint];
   return /^joint \d+$/.test(name) ? name : `joint \`${name}\``;
@@ -27,7 +27,7 @@ function outcomeMet(program, joint, how, error, bound) {
   return `${capitalised(outcomeJoint(program, joint))} ${how} (${numbers})`;
 }
 
-// A start that simulate refuses, in one line; null if it may begin.
+// The message for a start that `simulate` rejects; null if the run may begin.
 function outcomeRefused(program, start) {
   if (start.held) {
     const joint = start.held.findIndex((torque, k) => Math.abs(torque) > start.limit[k]);

@@ -1,4 +1,4 @@
-/* What is binary in a playground: base64 of gzip. */
+/* Binary data of a playground, which are in base64 of gzip. */
 
 export async function unpacked(text) {
   const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));

@@ -1,5 +1,5 @@
-/* The part of the three-dimensional picture that talks to WebGL: solids with soft light, translucent ones, their
-   shadow, and the ground. */
+/* WebGL drawing for the three-dimensional picture: solids with soft light, translucent solids, their shadow, and the
+   ground. */
 
 const SOLID_VERTEX = `#version 300 es
 uniform mat4 model, view, projection;
@@ -51,7 +51,7 @@ void main() {
 }`;
 
 export class Painter {
-  /* Raises Error where there is no WebGL. */
+  /* Throws Error if WebGL is not available. */
   constructor(canvas) {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, stencil: true, premultipliedAlpha: false });
     if (!gl) throw new Error("no WebGL");
@@ -126,10 +126,10 @@ export class Painter {
     for (const part of parts) this.drawOne(part, part.colour, 0);
   }
 
-  /* Translucent, but only their nearest faces, so that no inside is seen. */
+  /* Draws translucent solids, but only their nearest faces, so that their inside is not visible. */
   drawGhost(parts, alpha) {
     const gl = this.gl;
-    /* Behind what is at the same place: there is no ghost where both agree. */
+    /* Slightly farther from the camera, so that a solid at the same place hides the ghost. */
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(2, 8);
     gl.colorMask(false, false, false, false);
@@ -141,7 +141,8 @@ export class Painter {
     gl.disable(gl.POLYGON_OFFSET_FILL);
   }
 
-  /* What falls on the ground, each place darkened once. - `flat`: from the room onto the ground. */
+  /* Draws the shadow on the ground, which darkens each place only once.
+     - `flat`: matrix that projects the world onto the ground. */
   drawShadow(parts, flat, times, colour) {
     const gl = this.gl;
     gl.enable(gl.STENCIL_TEST);

@@ -1,4 +1,4 @@
-/* Everything that is drawn of a run: the arm, the charts, their tables, and how near it came. */
+/* The pictures of a run: the arm, the charts, their tables, and the distance from the envelope. */
 
 import { Chart, rowAt } from "./chart.js";
 import { errorRows, nearness, torqueRows } from "./curves.js";
@@ -68,7 +68,8 @@ export class Pictures {
     });
   }
 
-  /* - `arm`: of the manifest, with `names` and `units` of its joints. */
+  /* - `arm`: entry of the manifest.
+     - `names`, `units`: names and units of its joints. */
   armIs(arm, names, units) {
     if (this.arm === arm) return;
     Object.assign(this, { arm, names, units });
@@ -77,7 +78,7 @@ export class Pictures {
     this.player.t = 0;
   }
 
-  /* - `results`: of A, and of B if there is one. */
+  /* - `results`: results of A, and of B if there is one. */
   show(results) {
     this.results = results;
     this.scene.runsAre(results.map(result => ({

@@ -1,10 +1,10 @@
-/* The time that is shown: it runs, stands still, or is set. */
+/* The player, which sets the displayed time: playing, paused, or at a time that the user chooses. */
 
 import { wantsStillness } from "./theme.js";
 
 export class Player {
   /* - `parts`: the elements {button, bar, clock, speed}.
-     - `show`: called with the time whenever it is another. */
+     - `show`: called with the time whenever it changes. */
   constructor({ button, bar, clock, speed }, show) {
     Object.assign(this, { button, bar, clock, speed, show });
     this.t = 0;
@@ -61,7 +61,7 @@ export class Player {
       this.t += passed * Number(this.speed.value);
       if (this.t > this.end + 0.6) this.t = 0;
       const shown = Math.min(this.t, this.end);
-      /* A reader's cursor needs no sixty news a second. */
+      /* Screen readers need no sixty updates per second. */
       if (now - this.told > 100) {
         this.told = now;
         this.bar.value = shown;

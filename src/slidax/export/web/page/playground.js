@@ -1,7 +1,7 @@
-/* What can be chosen in a playground, and what a choice means for its program.
+/* The settings of a playground, and the program and inputs for a user's choice.
 
-   A choice is {arm, scheme, choices: {path: index}, values: {path: number or one per joint}}; choices and values have
-   what differs from the default alone. */
+   A choice is {arm, scheme, choices: {path: index}, values: {path: number or one per joint}}. Its choices and values have
+   only entries that differ from the default. */
 
 import { unpackedNumbers } from "./packed.js";
 
@@ -40,7 +40,7 @@ export class Playground {
     return this.setting(chosen).choices.find(choice => choice.path === path);
   }
 
-  /* The scheme of this arm that is the law as printed, or a rival; undefined if there is none. */
+  /* The arm's scheme of a kind, "ours", "printed" or "rival"; undefined if there is none. */
   schemeOf(arm, kind) {
     const settings = this.settingsOf(arm);
     const named = settings.find(setting => setting.kind === kind);
@@ -59,9 +59,9 @@ export class Playground {
     return chosen.choices[path] ?? this.choice(chosen, path).default;
   }
 
-  /* The same choice with another number; the default is not kept. */
+  /* The choice with another value; a value that is the default is not stored. */
   withValue(chosen, path, value) {
-    // A slider that lets go when another playground has taken its place.
+    // The event may come from a slider of a setting that has been replaced.
     if (!this.tunable(chosen, path)) return chosen;
     const values = { ...chosen.values };
     if (sameNumbers(value, this.tunable(chosen, path).default)) delete values[path];
@@ -77,7 +77,7 @@ export class Playground {
     return { ...chosen, choices };
   }
 
-  /* The same scene under another scheme: what both schemes have keeps its value. */
+  /* The choice with another scheme; values and choices outside the scheme are kept if the new setting has them. */
   withScheme(chosen, scheme) {
     let made = this.start(chosen.arm, scheme);
     for (const [path, value] of Object.entries(chosen.values)) {
@@ -115,12 +115,12 @@ export class Playground {
     return inputs;
   }
 
-  /* The units of the joints' positions, in their order. */
+  /* Units of the joint positions, in the order of the joints. */
   units(arm) {
     return this.jointLinks(arm).map(link => (link.type === "prismatic" ? "m" : "rad"));
   }
 
-  /* A unit without what no joint of this arm has: "rad or m" is "rad" where all turn. */
+  /* A unit for this arm: "rad or m" becomes "rad" if all joints are revolute. */
   unitOf(arm, unit) {
     const parts = (unit ?? "").split(" or ");
     const units = this.units(arm);
@@ -147,7 +147,7 @@ export function sameNumbers(a, b) {
   return left.length === right.length && left.every((x, k) => x === right[k]);
 }
 
-/* Whether a value is what a tunable takes: numbers within its range, one for all or one per joint. */
+/* True if a tunable accepts a value: numbers in its range, one for all joints or one per joint. */
 export function fits(tunable, value) {
   const numbers = Array.isArray(value) ? value : [value];
   const known = Array.isArray(tunable.default) ? tunable.default : [tunable.default];

@@ -1,9 +1,9 @@
-/* Runs one after the other in a worker, the latest wins: what was asked for while one is under way replaces what waited. */
+/* Runs programs in a worker, one at a time. While one runs, a new request replaces the waiting one. */
 
 const LONGEST_RUN = 30000;
 
 export class Runner {
-  /* - `source`: the worker's program. */
+  /* - `source`: source text of the worker. */
   constructor(source) {
     this.address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
     this.known = new Set();
@@ -12,7 +12,7 @@ export class Runner {
     this.waiting = null;
   }
 
-  /* The result of a run; null if a later one was asked for before this one began. */
+  /* Returns the result of a run; null if a later request replaced it before it began. */
   run(program, inputs) {
     return new Promise((resolve, reject) => {
       this.waiting?.resolve(null);

@@ -1,4 +1,4 @@
-/* What was chosen, as a scenario and as files. */
+/* The user's choice as a scenario, and as files to download. */
 
 import { zipped } from "./archive.js";
 import { exactNumber, shownNumber } from "./numbers.js";
@@ -6,7 +6,7 @@ import { unpackedJson } from "./packed.js";
 import { listed } from "./playground.js";
 import { toYaml } from "./yaml.js";
 
-/* The scenario with all that was moved. */
+/* The scenario with all changed values. */
 export function scenarioOf(playground, chosen) {
   const made = structuredClone(playground.setting(chosen).scenario);
   for (const [path, index] of Object.entries(chosen.choices)) {
@@ -32,13 +32,14 @@ export function scenarioText(playground, chosen) {
   const moved = [...Object.keys(chosen.choices), ...Object.keys(chosen.values)];
   const head = [
     `# ${playground.arm(chosen.arm).title}, ${setting.title}: from a playground made by ${playground.manifest.made_by}.`,
-    moved.length ? `# Moved: ${moved.join(", ")}.` : "# As it was given: nothing was moved.",
-    "# slidax run FILE makes the same run.",
+    moved.length ? `# Changed values: ${moved.join(", ")}.` : "# No value was changed.",
+    "# slidax run FILE repeats the run.",
   ];
   return `${head.join("\n")}\n${toYaml(scenarioOf(playground, chosen))}`;
 }
 
-/* The project in C as a zip file, with the scenario; null if this setting has none. */
+/* The C project and the scenario as a zip file: {archive, left}, where `left` has the paths of changed values that are not
+   in the C code. Null if the setting has no C project. */
 export async function projectInC(playground, chosen) {
   const setting = playground.setting(chosen);
   if (!setting.c_files) return null;
@@ -47,7 +48,7 @@ export async function projectInC(playground, chosen) {
   const known = new Map((where.values ?? []).map(({ path, marks }) => [path, marks]));
   for (const [path, marks] of known) {
     let numbers = listed(playground.value(chosen, path), marks.length);
-    // Where the law has one number for all joints, it cannot have one for each.
+    // If the law has one number for all joints, different numbers per joint cannot be inserted.
     if (numbers.length > marks.length && numbers.some(x => x !== numbers[0])) {
       numbers = listed(playground.tunable(chosen, path).default, marks.length);
       known.delete(path);
@@ -63,7 +64,7 @@ export async function projectInC(playground, chosen) {
   return { archive: zipped(made), left };
 }
 
-/* What is of the simulated world alone, and no part of the law. */
+/* True if a value belongs only to the simulated world, not to the law. */
 function outsideOfLaw(path) {
   return /^(robot\.plant|disturbance|start)\b/.test(path);
 }
@@ -75,12 +76,12 @@ function literalInC(x) {
 
 function readMe(left) {
   const again = "  slidax export c scenario.yaml --out law\n";
-  if (!left.length) return `The law with the numbers of scenario.yaml. To make it anew:\n\n${again}`;
-  return `These numbers of scenario.yaml are NOT in the law here, which has their defaults:\n\n${left
-    .map(path => `  ${path}\n`).join("")}\nThe law with all numbers of scenario.yaml is made by\n\n${again}`;
+  if (!left.length) return `The law with the values of scenario.yaml. To export it again:\n\n${again}`;
+  return `These values of scenario.yaml are NOT in this C code, which has their defaults:\n\n${left
+    .map(path => `  ${path}\n`).join("")}\nTo export the law with all values of scenario.yaml:\n\n${again}`;
 }
 
-/* Everything that a chart shows, as comma-separated values. */
+/* All curves of a chart as CSV text. */
 export function columnsText(rows) {
   const columns = [];
   rows.forEach(row => {
@@ -105,7 +106,7 @@ export function columnsText(rows) {
   return lines.join("\n") + "\n";
 }
 
-/* At most `most` times of a chart, as a table's rows. */
+/* Table rows for at most `most` times of a chart. */
 export function thinnedRows(rows, most = 21) {
   const curves = rows.flatMap(row => row.lines.map(line => line.curve));
   if (!curves.length) return [[], []];

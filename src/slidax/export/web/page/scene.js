@@ -1,4 +1,4 @@
-/* The arm in three dimensions: A solid, B a ghost, the way of the tip and the way it should go. */
+/* The arm in three dimensions: A is solid, B translucent; with the path of the tip and its reference path. */
 
 import { Kinematics, tipPath } from "./kinematics.js";
 import { looking, minus, moved, perspective, placed, point, times } from "./matrix.js";
@@ -10,7 +10,7 @@ const START = { turn: -0.9, rise: 0.38, far: 1 };
 const ANGLE = 0.6;
 
 export class Scene {
-  /* - `solid`, `flat`: two canvases over each other: for WebGL, and for lines over it. */
+  /* - `solid`, `flat`: two canvases, one above the other: the lower for WebGL, the upper for lines. */
   constructor(solid, flat) {
     this.solid = solid;
     this.flat = flat;
@@ -37,7 +37,7 @@ export class Scene {
     this.runs = [];
   }
 
-  /* - `runs`: [{q, wanted, rows}], first A, then B if there is one; `wanted` may be missing. */
+  /* - `runs`: [{q, wanted, rows}], first A, then B if there is one; the reference `wanted` may be missing. */
   runsAre(runs) {
     this.runs = runs.map(run => ({
       ...run,
@@ -47,7 +47,7 @@ export class Scene {
     this.findRoom();
   }
 
-  /* How much room all poses need, and how high the ground is. */
+  /* Determines the space that all poses need, and the height of the ground. */
   findRoom() {
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];
@@ -98,7 +98,7 @@ export class Scene {
     return ratio;
   }
 
-  /* - `rows`: which sample each run is at. */
+  /* - `rows`: index of the displayed sample of each run. */
   draw(rows) {
     if (!this.runs?.length || !this.centre || !this.flat.clientWidth) return;
     const ratio = this.fit();
@@ -131,7 +131,7 @@ export class Scene {
     if (poses[1]) painter.drawGhost(parts(1, [ghost, ghost, ghost]), 0.42);
   }
 
-  /* A column under a base that hangs above the ground. */
+  /* A column under a base that is above the ground; none if the base is near the ground. */
   stand(colour) {
     if (this.ground > -0.15 * this.size) return [];
     const key = `${this.ground} ${this.size}`;

@@ -1,4 +1,4 @@
-/* What is chosen as A and B, their runs, and the address. */
+/* The choices A and B, their runs, and their URL. */
 
 import { fromAddress, toAddress } from "./address.js";
 import { Runner } from "./runner.js";
@@ -7,8 +7,8 @@ import { scenarioOf } from "./scenario.js";
 const OF_LAW = "scheme";
 
 export class Session {
-  /* - `playground`: what there is.
-     - `workerText`: the program of the workers.
+  /* - `playground`: the settings to choose from.
+     - `workerText`: source text of the workers.
      - `listeners`: {changed(), finished(side, result), failed(side, reason), faults(lines)}. */
   constructor(playground, workerText, listeners) {
     this.playground = playground;
@@ -38,7 +38,8 @@ export class Session {
     this.put(a, b, null);
   }
 
-  /* - `stands`: whether this is a step to which the browser goes back; null leaves the address as it is. */
+  /* Sets the choices, and starts the runs of those that changed.
+     - `stands`: true to add a step to the browser's history; false and null leave the URL unchanged. */
   put(a, b, stands) {
     const began = performance.now();
     const [oldA, oldB] = [this.a, this.b];
@@ -53,7 +54,7 @@ export class Session {
     else if (!this.b && oldB) this.listeners.finished("B", null);
   }
 
-  /* B with everything of A that is not the law. */
+  /* B with all values of A that are not part of the law. */
   inWorldOf(a, b) {
     let made = this.playground.withScheme(a, b.scheme);
     for (const [path, value] of Object.entries(b.values)) {
@@ -114,7 +115,7 @@ export class Session {
     return scenarioOf(this.playground, chosen)?.simulation?.t1 ?? null;
   }
 
-  /* Whether what is shown is of what is chosen. */
+  /* True if the displayed results belong to the current choices. */
   get settled() {
     const done = side => !this.of(side) || (this.results[side] && equal(this.results[side].chosen, this.of(side)));
     return Boolean(this.a) && done("A") && done("B");

@@ -1,4 +1,4 @@
-/* One number with a slider and a box. */
+/* A number with a slider and an input field. */
 
 import { element } from "./dom.js";
 import { rounded, shownNumber, withUnit } from "./numbers.js";
@@ -6,7 +6,8 @@ import { rounded, shownNumber, withUnit } from "./numbers.js";
 const STEPS = 1000;
 let sliderCount = 0;
 
-/* Where a value is between low and high, 0 to 1, and back; by decades where the scale says so and there is no 0. */
+/* Functions from a value to its place between low and high, 0 to 1, and back; logarithmic if the scale is "log" and the
+   range has no 0. */
 export function scaleOf({ low, high, scale }) {
   const logarithmic = scale === "log" && low > 0;
   const [bent, straight] = logarithmic ? [Math.log, Math.exp] : [x => x, x => x];
@@ -17,10 +18,10 @@ export function scaleOf({ low, high, scale }) {
   };
 }
 
-/* - `tunable`: of the manifest: low, high, scale, unit.
-   - `given`: {label, described, input, commit}: the accessible name, the id of what describes it, and what is called
-     with a number while it moves and once it stands.
-   The answer is {row, put}: the two fields, and a function that shows another value. */
+/* - `tunable`: entry of the manifest, with low, high, scale and unit.
+   - `label`, `described`: accessible name, and id of the element that describes the number.
+   - `input`, `commit`: called with a number while the slider moves, and when it is released.
+   Returns {row, put}: an element with both fields, and a function that displays another value. */
 export function numberSlider(tunable, { label, described, input, commit }) {
   const scale = scaleOf(tunable);
   const name = `number-${++sliderCount}`;

@@ -1,4 +1,4 @@
-/* Plain solids as triangles: {points, normals, triangles}. Their long axis is z, their centre the origin. */
+/* Simple solids as triangles: {points, normals, triangles}. Their long axis is z, their centre the origin. */
 
 const AROUND = 28;
 
@@ -71,7 +71,7 @@ export function solidOf(shape) {
   return { capsule, cylinder, box }[shape.kind](shape.size);
 }
 
-/* The least and greatest height of a shape in a frame, roughly: by the ball around it. */
+/* Radius of the smallest ball around a shape, approximately. */
 export function ballRadius(shape) {
   const [a, b = 0, c = 0] = shape.size;
   if (shape.kind === "box") return Math.hypot(a, b, c) / 2;

@@ -1,4 +1,4 @@
-/* Dark and light, and the colours of the style as canvases need them. */
+/* Dark and light theme, and the colours of the style sheet for canvases. */
 
 const THEMES = ["auto", "light", "dark"];
 const KEPT_THEME = "slidax-theme";
@@ -16,7 +16,7 @@ export function colourParts(name) {
   return [part(0), part(1), part(2), digits.length > 6 ? part(3) : 1];
 }
 
-/* - `changed`: called when colours are others now. */
+/* - `changed`: called after the colours have changed. */
 export function followTheme(select, changed) {
   const put = theme => {
     document.documentElement.dataset.theme = theme;
@@ -27,7 +27,7 @@ export function followTheme(select, changed) {
   try {
     kept = localStorage.getItem(KEPT_THEME);
   } catch {
-    /* A page from a file may have no storage. */
+    /* A page that is opened from a file may have no storage. */
   }
   select.value = THEMES.includes(kept) ? kept : "auto";
   put(select.value);
@@ -35,7 +35,7 @@ export function followTheme(select, changed) {
     try {
       localStorage.setItem(KEPT_THEME, select.value);
     } catch {
-      /* Then it is not kept. */
+      /* Without storage the theme is not kept. */
     }
     put(select.value);
   });

@@ -1,22 +1,22 @@
-/* The sliders of a setting, in groups, and the selects of what needs another program. */
+/* The sliders of a setting in groups, and the select fields for quantities that need another program. */
 
 import { element } from "./dom.js";
 import { capitalised, shownNumber, withUnit } from "./numbers.js";
 import { listed, sameNumbers } from "./playground.js";
 import { numberSlider } from "./slider.js";
 
-/* What a stranger understands, besides the first group. */
+/* Groups that are open at the start, in addition to the first one: new users understand them. */
 const OPENED = ["World", "True arm", "Disturbance"];
 
 let tunableCount = 0;
 
 export class Tunables {
-  /* - `place`: where they go.
+  /* - `place`: the element that holds the fields.
      - `listeners`: {moved(path, value, stands), chosen(path, index)}. */
   constructor(place, listeners) {
     this.place = place;
     this.listeners = listeners;
-    /* In a place of its own: text that came and went between the sliders would move them under a finger. */
+    /* The explanation has a fixed place: between the sliders, it would move them while the user touches them. */
     const explain = event => {
       const meaning = event.target.closest(".tunable")?.querySelector(".meaning");
       if (meaning) this.told.textContent = `${meaning.parentElement.getAttribute("aria-label")}: ${meaning.textContent}`;
@@ -27,7 +27,7 @@ export class Tunables {
     place.addEventListener("pointerover", explain);
   }
 
-  /* Shows a choice; fields are made anew only for another setting. */
+  /* Displays a choice; the fields are created again only for another setting. */
   show(playground, chosen) {
     const setting = playground.setting(chosen);
     if (this.setting !== setting) {
@@ -64,7 +64,7 @@ export class Tunables {
       value = next;
       this.listeners.moved(tunable.path, next, stands);
     };
-    /* One slider for all joints keeps their proportions. */
+    /* One slider for all joints keeps the ratios of their values. */
     const together = number => {
       if (!Array.isArray(value)) return number;
       const [first] = value;

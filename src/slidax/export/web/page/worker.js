@@ -1,4 +1,4 @@
-/* Runs programs beside the page, so that it never stands still. */
+/* Runs programs in a worker, so that the page always responds. */
 
 import { openProgram } from "./loop.js";
 

@@ -1,4 +1,4 @@
-/* A scenario as YAML: mappings, lists, texts, numbers, true, false, null; every number is read as the same one. */
+/* A scenario as YAML: mappings, lists, texts, numbers, true, false, null. Numbers are written without loss. */
 
 import { exactNumber } from "./numbers.js";
 
@@ -42,7 +42,7 @@ function scalar(value) {
   return JSON.stringify(value);
 }
 
-/* With a dot before an exponent, which older readers ask for. */
+/* A number with a dot before its exponent, which YAML 1.1 parsers need. */
 function yamlNumber(value) {
   const text = exactNumber(value);
   return /e/.test(text) && !/\./.test(text) ? text.replace("e", ".0e") : text;
