@@ -11,10 +11,10 @@ SHAPES = re.compile(r"\b(Float|Bool|Int)\[|\b(Vector|Matrix|Scalar|PerJoint)\b")
 
 
 def names() -> list[str]:
-    """Each by its full name; mypy, which cannot see shapes, checks the others.
+    """Full names of the modules with shapes; mypy, which cannot see shapes, checks the others.
 
-    Not codegen: it works on numbers one by one, and to check the arguments of every call takes ten times as long as it.
-    A package is not in it, as all that is below it would be checked as well.
+    Without codegen, which would take ten times as long with checked arguments. Without packages, because all modules
+    of a package would be checked as well.
     """
     modules = []
     for path in sorted(SOURCE.rglob("*.py")):

@@ -15,15 +15,15 @@ WEEK = 7 * 24 * 3600.0
 
 
 def taken(kept: Path) -> Path:
-    """A folder of this process alone, with all that is kept.
+    """Return a folder for this process alone, with all kept programs.
 
-    JAX writes its files without a lock, so that a process could read half of what another one writes.
+    JAX writes its files without a lock, so that a process could read a file that another process is writing.
 
-    - `kept`: where it is kept.
+    - `kept`: the folder of the kept programs.
     """
     for left in kept.iterdir():
         if time.time() - left.stat().st_mtime > WEEK:
-            # A folder is that of a process which was killed.
+            # A folder belongs to a process that was killed.
             shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
     own = Path(tempfile.mkdtemp(prefix="own-", dir=kept))
     for file in kept.glob("*-cache"):
@@ -32,16 +32,16 @@ def taken(kept: Path) -> Path:
         except OSError:
             shutil.copy2(file, own / file.name)
     jax.config.update("jax_compilation_cache_dir", str(own))
-    # Most of it is small, and there is much of it.
+    # Most programs are small, and there are many of them.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     return own
 
 
 def given_back(own: Path) -> None:
-    """Keeps what is in the folder of this process.
+    """Keep the programs in the folder of this process.
 
-    - `own`: as `taken` gave it.
+    - `own`: the folder that `taken` returned.
     """
     for file in own.glob("*-cache"):
         os.replace(file, own.parent / file.name)

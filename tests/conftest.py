@@ -40,14 +40,14 @@ settings.load_profile("slidax")
 OWN = pytest.StashKey[Path]()
 
 MOST_PIECES = 25_000
-"""Of memory, that a process has mapped: Linux allows 65 530, and the next test may need thousands."""
+"""Largest number of memory maps of a process: Linux allows 65 530, and the next test may need thousands."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Most of a day's run goes into compilers: so they do little, and what XLA has done is kept for the next run.
+    """In daily runs, compile without most optimizations and keep XLA's programs for the next run, to save time.
 
-    Bits are the same at any level of LLVM, which tests/codegen shows. The long version compiles everything anew, and
-    as a user does.
+    The results have the same bits at any optimization level of LLVM, which tests/codegen shows. The long version
+    compiles everything anew, as for a user.
     """
     if config.getoption("markexpr") == "not full":
         jax.config.update("jax_disable_most_optimizations", True)
@@ -74,7 +74,7 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_runtest_teardown(item: pytest.Item) -> None:
-    """The long version compiles so much that Linux would refuse LLVM another piece of memory, and the process dies."""
+    """Clear JAX's caches in the long version before the process reaches Linux's limit of memory maps and dies."""
     if item.config.getoption("markexpr") != "not full" and compiled_code.pieces_of_memory() > MOST_PIECES:
         jax.clear_caches()
         gc.collect()

@@ -1,4 +1,4 @@
-"""The paper's two examples, put together by hand from the spec's tables."""
+"""The paper's two examples, built by hand from the spec's tables."""
 
 from __future__ import annotations
 

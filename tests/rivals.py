@@ -1,4 +1,4 @@
-"""The schemes that the paper compares with, and the textbooks', put together by hand from the spec's tables."""
+"""The schemes that the paper compares with, and textbook schemes, built by hand from the spec's tables."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def nftsmc_4_2(**changes: Any) -> NonsingularFastTerminal:
 
 
 def anftsmc_4_2(**changes: Any) -> AdaptiveNonsingularFastTerminal:
-    """ANFTSMC with Table 2 but for its α; `changes` go to its class."""
+    """ANFTSMC with Table 2 except its α; `changes` go to its class."""
     return AdaptiveNonsingularFastTerminal(SCARA, **changes)
 
 

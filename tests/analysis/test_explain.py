@@ -24,7 +24,7 @@ ESTIMATOR = "scheme.sampled_data.estimator"
 UNLEARNT: dict[str, Any] = (
     {"scheme.sampled_data.adaptation": None} if "adaptation" in SampledDataDescription.model_fields else {}
 )
-"""A law that learns its arm's inertia would hold where these are to fail."""
+"""These runs must fail, so the law must not learn the inertia of its arm."""
 
 SEEDED: dict[str, tuple[str, dict[str, Any], str]] = {
     "too light a model": (PANDA, {"robot.nominal.armature": 0.01, "robot.plant.armature": 0.1}, "inertia"),
@@ -39,7 +39,7 @@ SEEDED: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
     "coarse substeps": (
         PANDA,
-        # An envelope that is kept with finer steps, so that the step is the only fault.
+        # Finer steps keep the run inside this envelope, so the step size is the only fault.
         {
             "simulation.period": 8e-3,
             "simulation.substeps": 1,
@@ -60,7 +60,7 @@ SEEDED: dict[str, tuple[str, dict[str, Any], str]] = {
     "coarse encoder": (PANDA, {"sensor.resolution": 1e-3}, "encoder"),
     "contact": ("panda-table", {"surroundings.table.height": 0.5353}, "contact"),
 }
-"""By what is wrong: a scenario, what is changed in it, and the cause that is to be named."""
+"""Faults by name: a scenario, its changes, and the expected cause."""
 
 
 def seeded(which: str) -> Scenario:
@@ -75,7 +75,7 @@ def marked(values, daily):
     return [pytest.param(value, marks=[] if value in daily else [pytest.mark.full]) for value in values]
 
 
-# A bound that is far too small is the fault of one of them.
+# One of the faults is a bound that is far too small.
 @pytest.mark.filterwarnings("ignore:scheme.bound")
 @pytest.mark.parametrize("which", marked(SEEDED, QUICK))
 def test_cause_of_a_seeded_fault_is_named_and_its_remedy_holds(which):
@@ -95,7 +95,7 @@ def test_the_inertia_of_a_joint_is_estimated_from_the_log_within_a_few_percent()
 
 
 def test_an_inertia_error_that_the_law_has_learnt_is_not_named_as_a_cause():
-    """The model is 20 times too light, the law has learnt so, and it is what it learnt that counts."""
+    """The model is 20 times too light, but the law has learnt the true inertia."""
     scenario = load("panda-payload", {"robot.nominal.armature": 0.0, "robot.plant.armature": 0.1})
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     estimate = estimate_from_log(record)
@@ -140,7 +140,7 @@ def test_tolerated_inertia_ratio_without_delay_and_estimator_agrees_with_its_for
     for periods in (1.0, 3.0, 12.0):
         loop = LinearLoop(h=1e-3, horizon=periods, believed=0.0, gains=(0.0, 0.0, 0.0), measures_velocity=True)
         limit = 4.0 * periods**2 / (4.0 * periods - 1.0)
-        # The push that is not estimated stays as it is: one eigenvalue of 1 that says nothing.
+        # The disturbance is not estimated and keeps its value: its eigenvalue of 1 is left out.
         matrix = loop.maps(0.99 * limit, 0.0).step
         assert np.sort(np.abs(np.linalg.eigvals(matrix)))[-3] < 1.0 and loop.radius(1.01 * limit) > 1.0
 
@@ -198,7 +198,7 @@ def test_forecast_warns_of_an_estimator_whose_noise_exceeds_the_torque_rate_limi
     density = "scheme.sampled_data.estimator.torque_density"
     (doubt,) = forecast(load("panda-payload", {density: 1e4}))
     assert "so fast" in doubt and "rate limit" in doubt
-    # As fast, with encoders as fine as that.
+    # Finer encoders allow a fast estimator.
     assert forecast(load("panda-payload", {density: 1.0, "sensor.resolution": 1e-6})) == []
 
 
@@ -220,7 +220,7 @@ def swung():
 
 
 def finding(swung, force):
-    """Of a run on which the law's model lacks what a force on the tip asks of the drives."""
+    """Contact diagnosis for a run whose unexplained torque is that of a force on the tip."""
     robot, t, q, jacobians, _ = swung
     record = SimpleNamespace(
         nominal=robot,

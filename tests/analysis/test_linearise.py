@@ -21,8 +21,8 @@ from slidax.simulation.loop import ClosedLoop
 def off_by(changes: dict[str, Any], at: float) -> float:
     """Distance of derivatives from differences of the simulated sample, as a share of the largest in their column.
 
-    Differences are extrapolated to a step of nothing. Each column has the step at which they agree most: rounding wants
-    a long one where a number does little, and powers near zero a short one.
+    Differences are extrapolated to a step of zero. Each column has the step at which they agree most: rounding wants
+    a long step where a state has little effect, and powers near zero want a short step.
     """
     loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", changes), at)
     sample = period_map(loop, carry)
@@ -32,7 +32,7 @@ def off_by(changes: dict[str, Any], at: float) -> float:
     assert len(kept) > 8
     place = np.ix_(*(np.concatenate([kept, np.arange(m, size)]) for size in derivative.shape))
     size = np.abs(derivative[place]).max(axis=0)
-    # A velocity that nobody measures, and the like, does nothing, and must do so in both.
+    # A state without effect, such as an unmeasured velocity, has a column of zeros in both.
     size = np.where(size > 0.0, size, 1.0)
     best = np.full(size.shape, np.inf)
     for power in np.arange(1.0, 8.6, 0.5):
@@ -47,7 +47,7 @@ def off_by(changes: dict[str, Any], at: float) -> float:
     ("changes", "at", "close"),
     [
         pytest.param({}, 1.0, 1e-9, marks=pytest.mark.full),
-        # Where s is next to zero, its power bends within what a step must have.
+        # Near s = 0 the power of s bends within a single difference step.
         pytest.param({}, 5.0, 1e-8, marks=pytest.mark.full),
         ({"scheme.name": "computed_torque"}, 1.0, 1e-9),
         pytest.param({"scheme.name": "computed_torque"}, 5.0, 1e-9, marks=pytest.mark.full),
@@ -58,7 +58,7 @@ def test_linearised_step_agrees_with_finite_differences_of_the_simulation(change
 
 
 HEAVY = 50.0
-"""kg m² of each rotor; links hardly count."""
+"""Inertia of each rotor, kg m²; that of the links is negligible."""
 
 HORIZON, VARIANCE, PERIOD = 10.0, 1e-12, 1e-3
 STILL = {"trajectory": {"kind": "constant", "value": [0.3, 0.4]}, "start.q": [0.3, 0.4], "disturbance.scale": 0.0}
@@ -77,7 +77,7 @@ def test_linearisation_reports_its_derivative_error_and_its_inputs_with_units(li
 
 
 def test_a_perturbed_run_agrees_with_the_linear_system(linearised):
-    """A push of the first joint that is small enough: a tenth of a second of the simulation itself."""
+    """Response of the simulation to a small disturbance torque on the first joint for 0.1 s."""
     push = 1e-6
     disturbance = {"scale": 1.0, "terms": [{"kind": "step", "value": [push, 0.0], "start": 0.5}]}
     changes = {name: value for name, value in SHORT.items() if name != "disturbance.scale"}
@@ -92,7 +92,7 @@ def test_a_perturbed_run_agrees_with_the_linear_system(linearised):
 
 @pytest.mark.parametrize("where", ["torque", "measurement"])
 def test_at_its_gain_margin_the_loop_is_marginally_stable(linearised, where):
-    """With another gain at the place where it was broken, the loop's own eigenvalues say when it is unstable."""
+    """Eigenvalues of the closed loop with its gain scaled at the point where the loop was opened."""
     closed = linearised.closed_loop(where)
     for joint, margin in enumerate(linearised.margins(where)):
         b, c = closed.b[:, [joint]], closed.c[[joint]]
@@ -112,13 +112,13 @@ def test_at_its_gain_margin_the_loop_is_marginally_stable(linearised, where):
 
 
 def test_a_delay_as_long_as_the_margin_makes_the_loop_unstable(linearised):
-    """Whole periods, one after another, before the drives."""
+    """The delay is a number of whole periods before the drives."""
     closed = linearised.closed_loop("torque")
     margin = linearised.margins("torque")[0]
     b, c = closed.b[:, [0]], closed.c[[0]]
 
     def radius(periods: int) -> float:
-        # The torque without its own share, and that share late, in a register.
+        # Remove the undelayed torque feedback and feed it back through a shift register.
         a = closed.a - b @ c
         size, late = len(a), periods
         whole = np.zeros((size + late, size + late))
@@ -142,7 +142,7 @@ def test_closing_the_open_loop_gives_the_closed_loop(linearised):
 
 
 def of_heavy_rotors(kappa: float, delay: int) -> Scenario:
-    """A joint that is all rotor, in an arm whose law believes κ of it, as docs/learning.md has it."""
+    """An arm with a heavy rotor whose law assumes κ times its inertia, as in docs/learning.md."""
     believed = kappa * HEAVY
     density = (1.4 / HORIZON) ** 6 * VARIANCE / PERIOD**5 * believed**2
     robot = {"kind": "urdf", "file": "examples/robots/two_link.urdf", "tip": "tip"}
@@ -196,7 +196,7 @@ def test_computed_torque_has_the_eigenvalues_of_its_gains():
     expected = np.sort(np.roots([1.0, 25.0, 100.0]))
     rates = np.sort([(np.log(z) / 1e-4).real for z, _, _ in loop.modes])
     np.testing.assert_allclose(rates, np.repeat(expected, 2), rtol=2e-3)
-    # At rest a disturbance moves it by d/(M kp).
+    # At rest a disturbance d causes the error d/(M kp).
     response = loop.system.select("disturbance", "error").response(np.array([1e-6]))[0]
     mass = scenarios.load("example-4.1-1khz", changes).plant.robot.mass(jnp.asarray([0.3, 0.4]))
     np.testing.assert_allclose(response.real, np.linalg.inv(mass) / 100.0, rtol=1e-6)
@@ -230,7 +230,7 @@ def test_linearisation_notes_list_the_neglected_effects():
 
 @pytest.mark.full
 def test_joint_learning_is_noted_and_adds_at_most_two_states_per_joint(linearised):
-    """With what was learnt as known from the start the loop is the same."""
+    """The law's learnt values count as known from the start."""
     learning = linearise(
         scenarios.load("example-4.1-1khz", {**SHORT, "scheme.sampled_data.adaptation": {"kind": "joint_learning"}})
     )
@@ -266,7 +266,7 @@ def test_margins_agree_with_python_control(linearised):
     assert theirs.dt == pytest.approx(1e-3)
     omega = np.array([1.0, 50.0, 400.0, 2000.0])
     np.testing.assert_allclose(theirs(np.exp(1j * omega * 1e-3)), loop.response(omega)[:, 0, 0], rtol=1e-6)
-    # By the response at many frequencies: its polynomials of 18 states have lost their digits.
+    # From the frequency response: polynomials of 18 states lose too many digits.
     omega = np.linspace(1.0, np.pi * 1e3, 20000)
     response = loop.response(omega)[:, 0, 0]
     gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))

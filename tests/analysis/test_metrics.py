@@ -119,7 +119,7 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
 
 
 def test_user_metric_appears_with_title_unit_and_meaning_in_summary_and_comparison():
-    """A metric that is only declared here is in the summary, the terminal's table, the comparison and the report."""
+    """A metric that only this test declares appears in the summary and in the comparison of schemes."""
 
     @analysis.metric("largest error", "{position}", bars=True, brief=True)
     def largest_error(run: Run) -> np.ndarray:
@@ -305,7 +305,7 @@ def finished() -> Run:
 
 
 def traced(metric: Any) -> Any:
-    """A metric of a run whose tally is not known yet."""
+    """A metric of a run whose tally is traced by JAX."""
     run = finished()
     return jax.eval_shape(lambda tally: metric(eqx.tree_at(lambda run: run.tally, run, tally)), run.tally)
 

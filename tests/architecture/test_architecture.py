@@ -1,4 +1,4 @@
-"""The rules of the package: layers, circles, sizes, docstrings, checked shapes, imports without side effects."""
+"""Rules of the package: layers, import cycles, file lengths, docstrings, checked shapes, side effects of imports."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MODULES = sorted(SOURCE.rglob("*.py"))
 LONGEST = 500
 ROOMS = sorted(path.parent.name for path in SOURCE.glob("*/__init__.py"))
 PACKAGES = sorted(".".join(path.parent.relative_to(SOURCE).parts) for path in SOURCE.glob("*/**/__init__.py"))
-"""The rooms, and the packages inside of them that have a list of exports of their own."""
+"""The subpackages, and the packages inside them that have their own list of exports."""
 
 
 def in_a_fresh_interpreter(code, folder=None):
-    # This process has imported slidax, which decides for its children.
+    # Importing slidax has set this variable, and a child process would inherit it.
     inherited = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -54,7 +54,7 @@ def test_imports_follow_the_layers_of_the_subpackages():
 
 
 def those(paths, wrong):
-    """The paths whose text is wrong: one test over all of them takes a hundredth of the time of a test for each."""
+    """Return the paths whose text is wrong. A single test over all paths is 100 times as fast as a test for each."""
     return [str(path) for path in paths if wrong(path.read_text(encoding="utf-8"))]
 
 
@@ -94,7 +94,7 @@ def known_names(thing):
 
 @pytest.mark.parametrize("room", PACKAGES)
 def test_public_functions_and_classes_have_docstrings_that_list_existing_parameters(room):
-    """In the docstring itself, or for a method in that of the method it fulfils. Obvious arguments need no line."""
+    """A method may inherit the docstring of the method that it implements. Obvious arguments need no line."""
     wrong = {}
     for thing in documented(room):
         if not (inspect.isfunction(thing) or inspect.isclass(thing)):
@@ -108,7 +108,7 @@ def test_public_functions_and_classes_have_docstrings_that_list_existing_paramet
 
 
 def test_public_functions_accept_a_path_as_a_string():
-    """By their annotations; mypy holds the bodies to them."""
+    """Check the annotations; mypy checks the bodies against them."""
     narrow = [
         f"{thing.__qualname__}({name})"
         for room in PACKAGES
@@ -122,7 +122,7 @@ def test_public_functions_accept_a_path_as_a_string():
 
 @pytest.mark.parametrize("room", PACKAGES)
 def test_classes_are_abstract_or_final(room):
-    """No concrete class is inherited from; an error may be a kind of another error."""
+    """No class inherits from a concrete class, except errors."""
     for _, thing in public(room):
         if inspect.isclass(thing) and not issubclass(thing, Exception):
             ancestors = [a for a in thing.__mro__[1:] if a.__module__.startswith("slidax.")]
@@ -145,7 +145,7 @@ def enrolled_kinds():
 
 @pytest.mark.parametrize("room", ["arms", "law", "motions", "plant"])
 def test_every_arm_law_motion_and_plant_class_is_listed_in_members_py(room):
-    """A member whose line in `members.py` is missing is found here."""
+    """Every concrete class needs its line in a `members.py` of the tests."""
     enrolled = enrolled_kinds()
     bases = {a for kind in enrolled for a in kind.__mro__[1:] if a.__name__.startswith("Abstract")} - {AbstractPart}
     family = {
@@ -162,7 +162,7 @@ def test_architecture_tests_cover_all_19_subpackages():
 
 
 DRAWING = {"analysis", "certify", "cli", "design", "export", "paper", "report", "scenarios", "studies", "studio"}
-"""Subpackages that need other packages for what they are: to read files, to draw, to write pages."""
+"""Subpackages that need further packages to read files, to draw or to write pages."""
 
 
 @pytest.mark.parametrize("rooms", [ROOMS, sorted(set(ROOMS) - DRAWING)], ids=["all", "without files and figures"])
@@ -242,7 +242,7 @@ def modules() -> dict[str, ast.Module]:
 
 
 def imports(node: ast.AST) -> Iterator[ast.ImportFrom]:
-    """All imports except those for type checkers alone."""
+    """All imports except those for type checkers only."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
             continue
@@ -283,7 +283,7 @@ def test_no_modules_import_each_other_in_a_circle():
     try:
         list(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        pytest.fail(f"a circle: {' <- '.join(error.args[1])}")
+        pytest.fail(f"import cycle: {' <- '.join(error.args[1])}")
 
 
 def test_array_shapes_are_checked_in_every_module_that_annotates_them():

@@ -1,4 +1,4 @@
-"""Tests that are left to `make verify`, and those that run every day, are named by names that exist."""
+"""The list of long tests (`make verify`) and that of daily tests contain existing tests only."""
 
 import ast
 from importlib.machinery import SourceFileLoader

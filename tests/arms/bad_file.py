@@ -1,4 +1,4 @@
-"""A robot file that cannot be: a good one with one thing changed, and what its refusal must name."""
+"""Invalid robot files: a valid file with one change, and the words that the error must contain."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class BadFile:
     """One case.
 
     - `title`: what is wrong.
-    - `text`: of the file; bytes are what is in a file on the disk.
-    - `named`: words that the refusal must have, the link's or the joint's name among them.
-    - `arguments`: of the call.
+    - `text`: contents of the file; bytes are written to a file on disk.
+    - `named`: words that the error must contain, among them the name of the link or joint.
+    - `arguments`: arguments of the call.
     """
 
     title: str
@@ -46,7 +46,7 @@ def changed(text: str, *changes: str) -> str:
 
 
 def damaged(text: str, rng: np.random.Generator) -> str:
-    """A text of XML with one to three things in it changed, left out or doubled."""
+    """Return XML text with one to three parts changed, left out or doubled."""
     for _ in range(rng.integers(1, 4)):
         value, attribute, element, other = (
             (matches := list(re.finditer(pattern, text)))[rng.integers(len(matches))].span()

@@ -1,4 +1,4 @@
-"""MJCF files that cannot be, or that say what an arm of rigid links cannot have."""
+"""Invalid MJCF files, and files with features that an arm of rigid links cannot have."""
 
 from __future__ import annotations
 

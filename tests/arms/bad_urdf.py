@@ -1,4 +1,4 @@
-"""URDF files that cannot be."""
+"""Invalid URDF files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every robot: one line here enrols a new one in `tests/laws/test_robots.py`; ready ones are found by themselves."""
+"""Robots for `tests/laws/test_robots.py`: a new class needs a line here; built-in arms are added automatically."""
 
 from slidax.arms import AbstractRobot, built_in_arm, built_in_names, couple
 from tests.arms.trees import small_tree, tree
@@ -15,4 +15,4 @@ ROBOTS: list[tuple[str, AbstractRobot]] = [
 ]
 
 LIKE_OTHERS = ("small_tree", "coupled", "two_link_nominal", "tree", *built_in_names())
-"""The same classes with other numbers or more joints: these run in the long version."""
+"""The same classes with other parameters or more joints, for the long tests."""

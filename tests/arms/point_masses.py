@@ -1,4 +1,4 @@
-"""Rigid bodies as heavy points, which need no theorem to be turned, moved and put together."""
+"""Rigid bodies as point masses, which can be rotated, moved and joined without a theorem."""
 
 from __future__ import annotations
 

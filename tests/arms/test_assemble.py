@@ -1,4 +1,4 @@
-"""From joints to an arm: what cannot be is refused, what is fixed is merged, and each axis is turned onto z."""
+"""Arms from joints: invalid joints are refused, fixed links are merged, and each axis becomes the z axis."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def test_invalid_joints_are_errors_that_name_joint_or_link(changes, message):
 
 def test_a_joint_of_an_unknown_kind_is_refused_by_its_name():
     joint = a_joint()
-    # The type checker of the tests would refuse it earlier.
+    # The type checker of the tests would refuse this kind in the constructor.
     object.__setattr__(joint, "kind", "continuous")
     message = "joint `elbow` must be `revolute`, `prismatic` or `fixed`; got `continuous`; a continuous joint is"
     with pytest.raises(DefinitionError, match=message):
@@ -259,7 +259,7 @@ def test_joints_keep_their_order_unless_a_child_precedes_its_parent():
 
 
 def at_zero(arm: Articulated) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Every joint's frame in the base's, where all positions are 0."""
+    """Every joint's frame in the base frame, at zero positions."""
     frames: list[tuple[np.ndarray, np.ndarray]] = []
     for i, parent in enumerate(arm.parents):
         rotation, place = frames[parent] if parent >= 0 else (np.eye(3), np.zeros(3))
@@ -268,7 +268,7 @@ def at_zero(arm: Articulated) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def described_at_zero(joints: list[Joint], sliding: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Every link's frame in the base's, by the name of its joint; what is locked slides."""
+    """Every link's frame in the base frame, by the name of its joint; a locked joint is prismatic and at `sliding`."""
     frames: dict[str | None, tuple[np.ndarray, np.ndarray]] = {None: (np.eye(3), np.zeros(3))}
     for joint in joints:
         rotation, place = frames[joint.parent]
@@ -300,7 +300,7 @@ def test_joint_axis_near_a_coordinate_axis_keeps_its_precision(axis):
 
 
 def merged_by_hand(joints: list[Joint], locked: dict[str, float]) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
-    """Mass, centre and inertia in the base frame of what each joint moves by itself, where all positions are 0."""
+    """Mass, centre and inertia of each joint's own links, in the base frame, at zero positions."""
     frames, carriers = described_at_zero(joints, locked), {}
     parts: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for joint in joints:
@@ -334,7 +334,7 @@ def test_links_behind_fixed_or_locked_joints_merge_into_their_moving_parent(seed
 
 
 def test_locked_joints_stay_at_their_position():
-    """By a quarter turn: what was along x is along y."""
+    """A quarter turn moves the centre of mass from the x axis to the y axis."""
     elbow = a_joint(parent="shoulder", center=np.array([0.3, 0.0, 0.0]), translation=np.array([0.4, 0.0, 0.0]))
     arm = assemble(
         [replace(SHOULDER, mass=0.0, inertia=np.zeros((3, 3))), elbow, FLANGE], **TIP, locked={"elbow": np.pi / 2}
@@ -345,7 +345,7 @@ def test_locked_joints_stay_at_their_position():
     assert arm.joint_names == ("shoulder",)
 
 
-# The others are alike but for their numbers.
+# The other seeds differ in their numbers only.
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.full) for seed in (1, 2))])
 def test_random_tree_with_skew_axes_agrees_with_pinocchio(seed):
     pytest.importorskip("pinocchio")

@@ -1,4 +1,4 @@
-"""Robot files that cannot be: each is refused with the name of what is wrong, and nothing else happens."""
+"""Invalid robot files: each is refused with the name of the faulty element and without side effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arms some of whose joints follow others."""
+"""Arms with joints that follow other joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nearest inertia that a body can have, and the files that need it."""
+"""The nearest inertia of a rigid body, and files with impossible inertias."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_balanceinertia_is_applied_by_mujoco():
 
 
 def largest_change(printed: np.ndarray) -> float:
-    """In parts of the largest principal moment, from the second moments by hand."""
+    """Largest change as a fraction of the largest principal moment, from the second moments."""
     moments = np.linalg.eigvalsh(printed)
     sigma = 0.5 * moments.sum() - moments
     kept = np.maximum(sigma, 0.0)
@@ -177,7 +177,7 @@ def test_one_link_with_an_impossible_inertia_refuses_the_whole_file():
 
 
 def test_every_inertia_rounded_to_three_digits_is_accepted():
-    """Plates in any axes, where rounding leads out of what bodies can have."""
+    """Plates about any axes: rounding can make their inertia impossible."""
     rng = np.random.default_rng(11)
     changes = []
     for _ in range(2000):

@@ -1,4 +1,4 @@
-"""Differences of the true arm that its law does not know: masses, friction, rotors, and a payload at its tip."""
+"""Differences between the true arm and the law's model: masses, friction, rotors and a payload at the tip."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def test_empty_payload_changes_nothing_when_joined():
 
 
 def test_arm_with_a_payload_has_the_dynamics_of_a_heavier_last_link():
-    """The last link with the payload is put together from points, before it is assembled."""
+    """The last link with the payload is composed of point masses before the arm is assembled."""
     *others, hand = joints()
     points = [points_of(float(x.mass), np.array(x.center), np.array(x.inertia)) for x in (hand, PAYLOAD)]
     mass, center, inertia = body_of(*points)
@@ -221,7 +221,7 @@ def moved(plant: Plant, state: State, periods: int, *, log_every: int | None = N
 
 
 def test_run_with_a_timed_payload_equals_three_joined_runs():
-    """Without it, with it, and without it again: positions and velocities do not jump."""
+    """The run has no payload, then a payload, then none again; positions and velocities do not jump."""
     start = State(q=jnp.zeros(3), dq=jnp.asarray([0.5, -0.2, 1.0]))
     push = Constant([1.0, -2.0, 0.5])
     load = TimedPayload(PAYLOAD, 100 * PERIOD, 150 * PERIOD)

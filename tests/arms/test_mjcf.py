@@ -19,7 +19,7 @@ mujoco = pytest.importorskip("mujoco")
 
 
 def random_mjcf(seed: int, joints: int) -> str:
-    """A tree whose tip is the site `tip`, and whose joint `locked` is to be held."""
+    """A tree whose tip is the site `tip` and whose joint `locked` must be held."""
     return _Writer(np.random.default_rng(seed), joints).text()
 
 
@@ -80,7 +80,7 @@ class _Writer:
         mass = self.rng.uniform(0.5, 3.0)
         root = self.rng.normal(size=(3, 3)) * 0.1
         spread = root @ root.T + 1e-3 * np.eye(3)
-        # Of spread masses the inertia always is one of a rigid body.
+        # The inertia of scattered masses is always that of a rigid body.
         inertia = np.trace(spread) * np.eye(3) - spread
         place = f'<inertial pos="{self.numbers(3, 0.1)}" mass="{mass}" '
         if way == 1:
@@ -216,7 +216,7 @@ def test_mesh_that_defines_an_inertia_is_read(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(with_mesh("alone", "hull.obj"))
     arm = from_mjcf(path, meshes=False)
-    # A sixth of the cube of .1 m, of 1000 kg/m³; MuJoCo has vertices in single precision.
+    # A sixth of a cube of 0.1 m with 1000 kg/m³; MuJoCo stores vertices in single precision.
     np.testing.assert_allclose(arm.masses[1], 1000.0 * 0.1**3 / 6.0, rtol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(arm.centers[1]), np.sqrt(3.0) * 0.025, rtol=1e-6)
     path.write_text(with_mesh("alone", "lost.obj"))
@@ -242,7 +242,7 @@ def test_an_mjcf_file_may_include_and_attach_others(tmp_path):
 
 
 def test_nan_in_an_included_file_is_refused(tmp_path, monkeypatch, capfd):
-    # MuJoCo would say so on the terminal and in a log in the working directory, and go on.
+    # MuJoCo would only write a warning to the terminal and to a log in the working directory.
     monkeypatch.chdir(tmp_path)
     body = GOOD[GOOD.index("<worldbody>") : GOOD.index("</worldbody>") + len("</worldbody>")]
     (tmp_path / "arm.xml").write_text(f"<mujoco>{body}</mujoco>".replace('pos="0.4 0 0"', 'pos="nan 0 0"'))

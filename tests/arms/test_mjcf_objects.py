@@ -1,4 +1,4 @@
-"""Scenes in MJCF: the arm is read, and what lies beside it is left out with a warning."""
+"""Scenes in MJCF: the arm is read, and other objects are left out with a warning."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The description files of the built-in arms against physics and against other people's files of the same arms.
+"""The description files of the built-in arms against physics and against other description files of these arms.
 
-The kinematics are worked out here in plain NumPy: what is tested are the numbers, not what reads them.
+The kinematics are computed here in plain NumPy: these tests check the numbers, not their reader.
 """
 
 import sys
@@ -75,7 +75,7 @@ def postures(description):
 
 
 ARMS = {"panda", "ur5e", "iiwa14", "xarm7", "gen3"}
-"""One word here enrols a new file."""
+"""Names of the built-in arms; a new file needs its name here."""
 
 
 def test_every_arm_file_has_a_function_of_its_name():

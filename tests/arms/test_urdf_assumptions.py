@@ -1,4 +1,4 @@
-"""Faults of URDF files whose meaning is clear: the file is read, and a warning names file, element and remedy."""
+"""URDF files with harmless faults: the file is read, and a warning names file, element and remedy."""
 
 from __future__ import annotations
 

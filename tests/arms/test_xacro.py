@@ -1,4 +1,4 @@
-"""Robot files that are written as xacro macros."""
+"""Robot files that contain xacro macros."""
 
 from __future__ import annotations
 
@@ -100,19 +100,19 @@ def test_expression_cannot_run_code_or_exhaust_memory(words, form, tmp_path):
 
 
 def chain(first, *, times):
-    """Properties a0 to aN, each of which has the one before it twice."""
+    """Properties a0 to aN, each of which contains its predecessor twice."""
     later = (f'<xacro:property name="a{i}" value="${{[a{i - 1}, a{i - 1}]}}"/>' for i in range(1, times + 1))
     return f'<xacro:property name="a0" value="{first}"/>' + "".join(later) + f'<link name="${{a{times}}}"/>'
 
 
 def macros(body, *, times):
-    """Macros m0 to mN, each of which calls the one before it twice, and a call of the last."""
+    """Macros m0 to mN, each of which calls its predecessor twice, and a call of the last macro."""
     later = (f'<xacro:macro name="m{i}"><xacro:m{i - 1}/><xacro:m{i - 1}/></xacro:macro>' for i in range(1, times + 1))
     return f'<xacro:macro name="m0">{body}</xacro:macro>' + "".join(later) + f"<xacro:m{times}/>"
 
 
 def blocks(*, times):
-    """Blocks b0 to bN, each of which has the one before it twice, and the last of them."""
+    """Blocks b0 to bN, each of which contains its predecessor twice, and an insertion of the last block."""
     later = (
         f'<xacro:property name="b{i}"><xacro:insert_block name="b{i - 1}"/><xacro:insert_block name="b{i - 1}"/>'
         "</xacro:property>"

@@ -1,4 +1,4 @@
-"""A tree of links with all that an arm can have: branches, sliding joints, skew axes, fixed and locked joints."""
+"""A tree of links with branches, prismatic joints, skew axes, fixed and locked joints."""
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def tree_joints(seed=0) -> list[Joint]:
 
 
 def small_tree() -> Articulated:
-    """Of each kind of joint one, and a branch: its matrices are compiled in half the time."""
+    """A tree with a joint of each kind and a branch; its matrices compile in half the time."""
     rng = np.random.default_rng(1)
     joints = [
         random_joint(rng, "waist", None, armature=0.1),

@@ -1,4 +1,4 @@
-"""All certificates of a scenario together: none claims more than was computed."""
+"""Certificates of a scenario: none claims more than was computed."""
 
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,7 @@ def test_failures_are_counted_and_the_search_finds_a_violation():
     wild = {"uncertainty": {"start.q": {"around": 0.15, "each": "joint"}}, **SHORT}
     verdict = statistical(load("example-4.1-1khz", wild), runs=32)
     assert verdict.holds is False and 0 < verdict.bound["failures"] < 32
-    # By the definition of the interval: so few failures have a chance of 1 % at that rate.
+    # By the definition of the interval: at that rate, so few failures have a probability of 1 %.
     assert binom.cdf(verdict.bound["failures"], 32, verdict.bound["probability"]) == pytest.approx(0.01)
     assert verdict.margin is not None and verdict.margin < 0
 
@@ -139,7 +139,7 @@ def test_disturbance_pulse_between_probe_times_counts_and_an_ineffective_disturb
 
 @pytest.mark.parametrize(("reach", "statuses"), [(0.6, ["proved"]), (0.9, ["fails"])])
 def test_start_is_proved_inside_the_envelope_only_if_all_starts_are_inside(reach, statuses):
-    # The envelope begins at 1.2, and the reference is 0.5 from the middle of the starts.
+    # The initial envelope is 1.2, and the reference is 0.5 from the middle of the starts.
     scenario = load("example-4.2", {"uncertainty": {"start.q": {"around": reach, "each": "joint"}}})
     printed = PrintedLaw.of(scenario)
     assert printed is not None
@@ -172,7 +172,7 @@ def test_brief_contact_force_counts_with_the_largest_uncertain_stiffness(positio
 
 
 def test_disturbance_ripple_that_vanishes_at_each_sample_counts_in_the_robust_torque():
-    # A sine of 1 kHz at 1 kHz: of 20 N m nothing is seen at a sample.
+    # A sine of 1 kHz sampled at 1 kHz: at each sample its 20 N m vanish.
     verdict = robust_torque(load(NAME, {**RIPPLE, "simulation.t1": 3.0}))
     assert verdict.holds is False and verdict.bound["needed"] > 20.0
     still = robust_torque(load(NAME, {**RIPPLE, "disturbance.terms.1.amplitude": [0.0, 0.0], "simulation.t1": 3.0}))
@@ -213,7 +213,7 @@ COVERED = {
     "scheme.sampled_data.estimator": {"kind": "kalman", "acceleration_density": 1.0},
     "scheme.reaching.layer": 0.0,
 }
-"""The form of a law that `tracking_bound` covers."""
+"""Settings of a law that `tracking_bound` covers."""
 
 
 @pytest.mark.parametrize("more", [{}, COVERED], ids=["as it is", "in the form that is covered"])

@@ -1,4 +1,4 @@
-"""Verdicts depend on a set and not on its form: order, equal terms, padding."""
+"""Verdicts depend on a set and not on its notation: order, equal terms, padding."""
 
 from itertools import pairwise
 from typing import Any
@@ -29,7 +29,7 @@ NOTHING: dict[str, Any] = {
 }
 
 SLOW = ("torque_budget",)
-"""Certificates that simulate, or take seconds."""
+"""Certificates that simulate or take seconds."""
 
 QUICK = [item for item in CERTIFICATES if item.name not in SLOW]
 

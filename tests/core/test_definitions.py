@@ -102,7 +102,7 @@ WRONG = [
 @pytest.mark.parametrize(
     ("make", "field", "value", "rule", "got"), WRONG, ids=[f"{field}={value}" for _, field, value, _, _ in WRONG]
 )
-def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field, value, rule, got):
+def test_an_invalid_parameter_is_refused_with_its_field_rule_value_and_joint(make, field, value, rule, got):
     with pytest.raises(DefinitionError) as refused:
         make(**{field: value})
     message = str(refused.value)
@@ -119,7 +119,7 @@ def test_a_wrong_parameter_is_refused_by_field_rule_value_and_joint(make, field,
         (bound, {"inverse_inertia_max": 0.09, "b2": 0.0}),
     ],
 )
-def test_right_parameters_and_closed_ends_of_ranges_pass(make, values):
+def test_valid_parameters_including_the_closed_ends_of_ranges_are_accepted(make, values):
     assert jax.tree.leaves(make(**values))
 
 
@@ -161,19 +161,19 @@ def test_impossible_waypoints_are_refused(times, waypoints, message):
         MinimumJerk.through(times, waypoints)
 
 
-def test_amplitudes_that_do_not_fit_their_rates_are_refused():
+def test_an_exponential_sum_with_different_counts_of_amplitudes_and_rates_is_refused():
     with pytest.raises((DefinitionError, TypeError)):
         ExponentialSum([0.0, 0.0], [[1.0, 1.0]], [1.0, 2.0])
 
 
-def test_a_refusal_says_where_in_a_scenario_it_happened():
+def test_a_definition_error_names_the_block_of_the_scenario():
     with pytest.raises(DefinitionError, match=r"^scheme\.performance: `FixedTime\.exponent`") as refused:  # noqa: SIM117
         with locate_errors("scheme"), locate_errors("performance"):
             fixed_time(exponent=1.0)
     assert refused.value.where == "scheme.performance"
 
 
-def test_traced_values_are_not_checked_inside_a_transformation():
+def test_traced_values_are_not_checked_inside_jit():
     assert float(jax.jit(lambda s: fixed_time(exponent=s).radius(jnp.asarray(1.0))[0])(1.5)) > 0
 
 
@@ -193,7 +193,7 @@ def test_traced_values_are_not_checked_inside_a_transformation():
         (np.inf, "inf %"),
     ],
 )
-def test_percentage_has_two_digits_and_no_exponent(share, expected):
+def test_percentages_print_without_exponent_and_round_to_100_only_if_exact(share, expected):
     assert percent(share) == expected
 
 
@@ -207,5 +207,5 @@ def test_percentage_has_two_digits_and_no_exponent(share, expected):
         *((all_done(n), expected) for n, expected in ((1, "the run is done"), (2, "all 2 runs are done"))),
     ],
 )
-def test_counts_and_intervals_have_their_right_form(words, expected):
+def test_messages_print_singular_plural_and_intervals_correctly(words, expected):
     assert words == expected

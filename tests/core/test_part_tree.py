@@ -1,4 +1,4 @@
-"""A part prints its parameters with their values and units, and its parts below it."""
+"""A part prints its parameters with values and units, and then its inner parts."""
 
 import equinox as eqx
 import jax
@@ -29,7 +29,7 @@ class Outer(AbstractPart):
 PARTS = Outer(Inner([1.0, 0.25]), (Inner(2.0), Inner(1e-9)), jnp.zeros(40))
 
 
-def test_a_printed_part_has_a_line_per_part_and_units():
+def test_a_part_prints_its_parameters_with_units_and_a_line_per_inner_part():
     assert repr(PARTS).splitlines() == [
         "Outer(many = [40], how = 'so')",
         "  inner: Inner(gain = [1, 0.25] rad/s)",
@@ -46,14 +46,14 @@ def test_a_law_prints_its_gains_and_no_arrays():
 
 
 @pytest.mark.parametrize("name", scenarios.names())
-def test_every_built_in_law_and_plant_prints(name):
+def test_parts_of_every_built_in_scenario_print_without_object_addresses(name):
     loop = scenarios.load(name)
     for part in (loop.controller, loop.plant, loop.trajectory, loop.stepping):
         assert repr(part).startswith(type(part).__name__)
         assert "object at 0x" not in repr(part)
 
 
-def test_part_prints_wherever_its_numbers_are_not_known():
+def test_a_part_with_traced_or_missing_values_can_be_printed():
     texts = []
     jax.jit(lambda part: texts.append(repr(part)))(PARTS)
     assert "  inner: Inner(gain = traced [2] rad/s)" in texts[0]

@@ -1,4 +1,4 @@
-"""Lists, whole numbers and plain floats are taken wherever arrays are, and change nothing."""
+"""Lists, integers and Python floats are accepted in place of arrays, with the same results."""
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ def test_state_and_reference_accept_array_likes_and_default_to_rest(q):
     np.testing.assert_array_equal([still.dq, still.ddq, Reference(q, [3, 4], (5, 6)).ddq], [[0, 0], [0, 0], [5, 6]])
 
 
-def test_state_costs_no_operation_in_traced_code():
+def test_constructing_a_state_adds_no_operation_to_traced_code():
     jaxpr = jax.make_jaxpr(lambda q, dq: State(q, dq))(jnp.zeros(2), jnp.zeros(2))
     assert not jaxpr.eqns
 
@@ -25,12 +25,12 @@ def test_state_costs_no_operation_in_traced_code():
 LAWS = [("example-4.1", name) for name in ("cftsmppc", "slotine_li_ppc", "super_twisting", "computed_torque")]
 
 
-# Each is computed operation by operation, which takes long the first time.
+# Without jit, each operation is compiled separately, which takes long the first time.
 @pytest.mark.parametrize(
     "loads", [LAWS[2:], pytest.param([*LAWS, ("example-4.1-1khz", "cftsmppc")], marks=pytest.mark.full)]
 )
-def test_every_law_accepts_a_python_float_as_time(loads):
-    """In an interpreter of its own: there the types of arguments are not checked."""
+def test_laws_accept_a_python_float_as_time(loads):
+    """In a fresh interpreter, where argument types are not checked."""
     code = f"""
 import jax
 jax.config.update("jax_enable_x64", True)

@@ -29,7 +29,7 @@ def temporary_files(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir() if is_temporary(path.name)]
 
 
-def test_an_error_while_writing_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+def test_an_error_while_writing_leaves_the_old_file_and_no_temporary_file(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     write_text(path, "old")
     with pytest.raises(ZeroDivisionError), replace_file(path) as file:
@@ -37,7 +37,7 @@ def test_an_error_while_writing_leaves_the_old_file_and_no_other(tmp_path: Path)
     assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
 
 
-def test_a_killed_writers_file_is_removed_and_a_live_writers_file_stays(tmp_path: Path) -> None:
+def test_temporary_files_of_killed_writers_are_removed_and_of_running_writers_kept(tmp_path: Path) -> None:
     command = [sys.executable, "-c", WRITER, str(tmp_path / "x.txt")]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
         assert writer.stdout is not None and writer.stdout.readline() == b"writing\n"
@@ -51,7 +51,7 @@ def test_a_killed_writers_file_is_removed_and_a_live_writers_file_stays(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_of_another_machine_is_removed_after_an_hour_only(tmp_path: Path) -> None:
+def test_a_temporary_file_of_another_machine_is_removed_after_an_hour_only(tmp_path: Path) -> None:
     path = tmp_path / ".slidax-elsewhere-12-0123456789ab.tmp"
     path.write_text("half")
     remove_leftovers(tmp_path)
@@ -61,7 +61,7 @@ def test_a_file_of_another_machine_is_removed_after_an_hour_only(tmp_path: Path)
     assert not path.exists()
 
 
-def test_files_of_others_are_never_removed(tmp_path: Path) -> None:
+def test_files_that_slidax_did_not_write_are_not_removed(tmp_path: Path) -> None:
     names = ("x.tmp", ".slidax-.tmp", ".slidax-a-b-c.tmp", "000000000000-64.tmp77", ".slidax-host-1-0123456789ab.tmpx")
     for name in names:
         (tmp_path / name).write_text("mine")
@@ -69,7 +69,7 @@ def test_files_of_others_are_never_removed(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
 
 
-def test_a_writer_whose_file_another_machine_removed_writes_again(
+def test_a_writer_writes_again_if_another_machine_removed_its_temporary_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     removals = []
@@ -100,14 +100,14 @@ def test_a_missing_folder_is_an_error_that_names_the_file(tmp_path: Path) -> Non
         write_text(tmp_path / "nowhere" / "x.txt", "x")
 
 
-def test_a_file_is_created_once(tmp_path: Path) -> None:
+def test_create_text_does_not_overwrite_an_existing_file(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     assert create_text(path, "first")
     assert not create_text(path, "second")
     assert path.read_text() == "first" and len(list(tmp_path.iterdir())) == 1
 
 
-def test_links_and_permissions_of_a_file_stay(tmp_path: Path) -> None:
+def test_symbolic_links_and_permissions_of_a_rewritten_file_are_kept(tmp_path: Path) -> None:
     target, link = tmp_path / "target", tmp_path / "link"
     target.write_text("old")
     target.chmod(0o640)

@@ -31,7 +31,7 @@ def space_of(folder: Any, file: Path = FILE) -> Any:
     return _begin(read_problem(path))[0]
 
 
-def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
+def test_the_tracking_bound_holds_for_a_law_built_with_a_required_bound(tmp_path):
     space = space_of(tmp_path, EXAMPLES / "two-link-along.yaml")
     described = space.described(DesignPoint(0.04, 1.0, 1.0, np.full(2, 0.0125), 1.0))
     law = described.build("law")
@@ -42,7 +42,7 @@ def test_a_required_bound_makes_a_law_that_tracking_bound_covers(tmp_path):
     assert envelope.status == "proved"
 
 
-def test_law_with_bound_returns_the_smallest_error_of_the_grid_with_a_verdict(tmp_path, monkeypatch):
+def test_law_with_bound_returns_the_law_with_the_smallest_bounded_error_of_the_grid(tmp_path, monkeypatch):
     tried = []
 
     def verdict_of(described: Any) -> Verdict:
@@ -55,7 +55,7 @@ def test_law_with_bound_returns_the_smallest_error_of_the_grid_with_a_verdict(tm
     space = space_of(tmp_path)
     law, verdict = law_with_bound(space, LAW)
     assert verdict.holds and (law.horizon, law.drift) == (0.014, 1.0) and law.final is LAW.final
-    # Nothing but the horizons below one that fails after one that held is left out.
+    # Only the horizons below the first failure after a success are left out.
     assert len(set(tried)) == 20 and (0.006, 1.0) not in tried
 
 
@@ -97,7 +97,7 @@ def test_refusal_proposes_the_mean_payload_for_the_nominal_arm(tmp_path, monkeyp
 
 
 @pytest.mark.full
-def test_design_with_a_start_far_from_the_motion_is_refused_for_its_bound(tmp_path):
+def test_a_start_far_from_the_motion_is_refused_as_it_has_no_tracking_bound(tmp_path):
     data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     data["start"] = {"q": [0.045, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]}
     path = tmp_path / "far.yaml"
@@ -108,7 +108,7 @@ def test_design_with_a_start_far_from_the_motion_is_refused_for_its_bound(tmp_pa
     assert answer["would_do"][-1]["set"] == {"requirements.proof": "tested"}
 
 
-def test_certified_radii_are_the_smallest_with_a_verdict():
+def test_certified_radii_widen_the_envelope_until_the_bound_holds():
     tried = []
 
     def verdict_of(law: DesignPoint) -> Verdict:
@@ -121,7 +121,7 @@ def test_certified_radii_are_the_smallest_with_a_verdict():
 
 
 @pytest.mark.full
-def test_a_design_along_a_motion_has_a_proved_envelope(tmp_path, monkeypatch):
+def test_a_design_along_a_motion_has_a_tracking_bound(tmp_path, monkeypatch):
     monkeypatch.setattr(search, "GENERATIONS", 2)
     done = in_process("design", str(FILE), "--out", str(tmp_path / "arm.yaml"), "--json", "--runs", "10")
     assert done.exit_code == 0, done.output

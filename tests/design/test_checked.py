@@ -1,4 +1,4 @@
-"""Designs after their check: taken, made anew, or refused."""
+"""Designs after their check: accepted, repeated or refused."""
 
 import sys
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ def check(margin: float, step: float) -> Verdict:
 
 @pytest.fixture
 def checked(monkeypatch):
-    """Of the margins that the checks find, one after the other, the design, and what the checks were asked."""
+    """A function from the margins of successive checks to the design, the seeds and the added cases."""
 
     def of(
         *margins: float, accuracy: Any = "best", steps: Any = (), required: float | None = None
@@ -75,7 +75,7 @@ def test_after_four_checks_the_design_with_the_largest_margin_is_accepted(checke
     assert checked(0.05, -0.2, -0.1, -0.1)[0].choice.law == 0
 
 
-def test_with_a_required_accuracy_a_small_margin_is_enough(checked):
+def test_a_design_with_a_required_accuracy_is_accepted_with_a_small_margin(checked):
     assert checked(0.01, accuracy=1e-3)[0].choice.law == 0
 
 
@@ -89,9 +89,9 @@ def test_design_that_fails_four_checks_is_refused(checked):
     assert isinstance(checked(-0.1, -0.2, -0.1, -0.1)[0], Refusal)
 
 
-def test_a_check_with_too_large_a_torque_step_repeats_the_design_for_a_smaller_one(checked):
+def test_a_large_torque_step_in_the_check_repeats_the_design_with_a_lower_limit(checked):
     assert checked(0.2, 0.2, steps=(0.7, 0.5), required=0.6)[0].choice.law == 1
-    # It is looked for half as much below what was allowed as the first was above it.
+    # The allowed step is divided by the square root of the excess.
     (aim,) = checked.aims
     assert aim.step == pytest.approx(np.sqrt(CALM * 0.6 / 0.7))
     assert checked(0.2, steps=(0.6,), required=0.6)[0].choice.law == 0
@@ -106,7 +106,7 @@ def test_refusal_of_a_torque_step_names_the_smallest_step_of_the_checks(checked)
 
 @pytest.fixture
 def certified(monkeypatch):
-    """The final radius of a law of 0.5 rad whose bound holds from a radius on, and whether it holds."""
+    """A function from the smallest radius with a bound to the final radius, and True if the bound holds."""
 
     def of(radius: float, best: bool) -> tuple[float, bool]:
         def verdict_of(law: DesignPoint) -> Verdict:

@@ -12,8 +12,8 @@ from tests.export.exported import COMPILERS, compiled, needs_a_compiler, run
 
 
 @needs_a_compiler
-def test_requirements_become_a_certified_law_whose_c_answers_the_golden_samples(tmp_path, monkeypatch):
-    # A short search and short runs; the design is only less exact.
+def test_requirements_become_a_certified_law_whose_c_code_reproduces_the_golden_samples(tmp_path, monkeypatch):
+    # A short search and short runs, which make the design less accurate only.
     monkeypatch.setattr(search, "GENERATIONS", 2)
     monkeypatch.setattr(sys.modules["slidax.design.design"], "DRIFTS", (1.0,))
     monkeypatch.setattr(candidates, "HORIZONS", (28.0,))

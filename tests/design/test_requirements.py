@@ -21,7 +21,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "design"
 
 
 def changed(folder: Path, **changes: Any) -> Path:
-    """The two-link example with other blocks; None takes one away."""
+    """The two-link example with changed blocks; None removes a block."""
     data = YAML(typ="safe").load((EXAMPLES / "two-link.yaml").read_text(encoding="utf-8"))
     data = {key: value for key, value in {**data, **changes}.items() if value is not None}
     path = folder / "requirements.yaml"
@@ -76,7 +76,7 @@ def test_without_a_start_the_arm_begins_on_its_motion(tmp_path):
     assert np.allclose(built.state0.q, reference.q) and np.allclose(built.state0.dq, reference.dq)
 
 
-def test_a_workspace_of_an_arm_without_limits_needs_its_range(tmp_path):
+def test_a_workspace_without_position_range_is_refused_for_an_arm_without_limits(tmp_path):
     path = changed(tmp_path, trajectory=None, workspace={"speed": 1.0, "acceleration": 1.0})
     with pytest.raises(DefinitionError, match=r"workspace\.q: this robot has no position limits"):
         read_problem(path).blocks()
@@ -94,7 +94,7 @@ def result_of(folder: Path, along: bool = False, **other: Any) -> DesignResult:
     return DesignResult(described, "tested", space, choice, worst(1e-4, 0.1), None, None, verdict, 0)
 
 
-def test_written_design_runs_with_the_values_of_the_choice(tmp_path):
+def test_a_design_file_loads_with_the_values_of_the_chosen_design(tmp_path):
     result = result_of(tmp_path)
     text = design_text(result, tmp_path)
     (tmp_path / "law.yaml").write_text(text, encoding="utf-8")
@@ -117,7 +117,7 @@ def test_written_design_runs_with_the_values_of_the_choice(tmp_path):
     ],
     ids=["learning", "with a bound", "with a velocity sensor's estimator", "with numbers of many digits"],
 )
-def test_the_law_in_the_file_is_the_law_that_was_checked(tmp_path, law):
+def test_the_law_in_the_design_file_is_the_law_that_was_checked(tmp_path, law):
     result = result_of(tmp_path, **law)
     read = parse(design_text(result, tmp_path), folder=tmp_path)
     text, checked = (item.model_dump(mode="json", exclude_unset=True) for item in (read, result.description))

@@ -1,4 +1,4 @@
-"""Which law is taken of those that were tried."""
+"""Choice among the candidate laws of a design search."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,16 +19,16 @@ def worst(error: float, step: float, outside: int = 0) -> WorstCase:
     return WorstCase(CHOICE, -0.1 if outside else 0.1, error, step, 0, 0.5, outside, 8)
 
 
-def test_half_the_error_outweighs_less_than_four_times_the_torque_step():
+def test_the_search_prefers_half_the_error_at_less_than_four_times_the_torque_step():
     exact, calm, both, outside = worst(1.0, 9.0), worst(9.0, 1.0), worst(2.0, 2.0), worst(0.1, 0.1, outside=1)
     assert ANY.best([exact, calm, both, outside]) is both
     assert ANY.best([worst(1.0, 3.9), worst(2.0, 1.0)]).error == 1.0
     assert ANY.best([worst(1.0, 4.1), worst(2.0, 1.0)]).error == 2.0
-    # A drive at its limit is no law, however small its error.
+    # A law that takes a drive to its limit is not admissible, however small its error.
     assert Objective(10.0, False, None).best([worst(1e-3, 10.0), calm]) is calm
 
 
-def test_a_law_below_the_margin_ranks_after_any_law_above_it():
+def test_a_law_below_the_required_margin_ranks_after_any_law_above_it():
     near, far, outside = worst(0.1, 1.0), replace(worst(9.0, 9.0), margin=0.2), worst(0.1, 0.1, outside=1)
     roomy = Objective(np.inf, False, None, room=0.15)
     assert roomy.best([near, far, outside]) is far and roomy.best([near, outside]) is near
@@ -57,7 +57,7 @@ def test_a_required_certificate_keeps_each_drive_below_its_own_limit():
     )
     own = Objective(10.0, False, None, own_share=0.9)
     assert ANY.best([drive_share, free]) is drive_share and own.best([drive_share, free]) is free
-    # Of those that are no law, a small drive at its limit is as bad as a large one.
+    # Among inadmissible laws, a small drive at its limit is as bad as a large drive.
     assert own.best([drive_share, wild]) is drive_share
     calm = replace(worst(10.0, 1.0), drive_share=0.7)
     assert own.best([replace(calm, error=9.0, drive_share=0.8), calm]).drive_share == 0.8
@@ -70,13 +70,13 @@ def test_the_narrower_envelope_wins_between_laws_of_equal_error():
     assert ANY.best([wide, narrow]) is narrow and ANY.best([wide, replace(narrow, error=1.1)]) is wide
 
 
-def test_if_no_law_holds_the_one_with_the_fewest_failed_cases_wins():
+def test_the_law_with_the_fewest_failed_cases_wins_if_no_law_holds():
     assert ANY.best([worst(1, 1, 5), worst(9, 9, 2)]).outside == 2
     lost = WorstCase(CHOICE, -np.inf, np.inf, np.inf, 0, -1.0, 2, 8)
     assert np.isfinite(ANY.cost(lost)) and ANY.best([lost, worst(9, 9, 2)]).margin == -0.1
 
 
-def test_horizons_scale_with_the_period_and_exceed_the_delay():
+def test_horizons_of_the_search_scale_with_the_period_and_exceed_the_delay():
     def horizons(period: float, delay: float) -> tuple[float, ...]:
         item = np.ones(1)
         return DesignSpace(None, item, item, item, item, period, delay, False, np.inf).horizons
@@ -85,7 +85,7 @@ def test_horizons_scale_with_the_period_and_exceed_the_delay():
     assert min(horizons(1e-3, 9.0)) == pytest.approx(20e-3) and horizons(1e-4, 0.0) == horizons(1e-3, 0.0)
 
 
-def test_the_share_of_equal_densities_keeps_their_product():
+def test_acceleration_densities_keep_their_product_when_equalised_across_joints():
     item, torque = np.ones(2), np.array([80.0, 20.0])
     space = DesignSpace(None, item, item, torque, 40.0 * item, 1e-3, 1.0, False, np.inf)
     shares = [space.density(0.5, even) for even in (0.0, 0.5, 1.0)]
@@ -94,7 +94,7 @@ def test_the_share_of_equal_densities_keeps_their_product():
     assert np.allclose([np.prod(item) for item in shares], np.prod(shares[0]))
 
 
-def test_a_law_that_fails_a_case_of_the_set_loses_to_one_that_holds_in_all(monkeypatch):
+def test_a_law_that_holds_in_all_cases_beats_a_more_accurate_law(monkeypatch):
     laws = [replace(CHOICE, slope=float(k)) for k in range(3)]
 
     class Some:
@@ -107,7 +107,7 @@ def test_a_law_that_fails_a_case_of_the_set_loses_to_one_that_holds_in_all(monke
         cases = staticmethod(lambda count: "real")
 
         def evaluate(self, choices: list[DesignPoint], cases: str) -> list[WorstCase]:
-            # The smallest slope is the most exact, and is left by an arm of the set itself.
+            # The smallest slope gives the smallest error, but an arm of the set leaves its envelope.
             return [
                 replace(worst(1.0 + item.slope, 1.0, outside=int(cases == "real" and item.slope < 1.0)), choice=item)
                 for item in choices

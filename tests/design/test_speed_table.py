@@ -30,7 +30,7 @@ def motions(problem: Any) -> Any:
     return random_motions(problem.workspace, problem.robot.build(), count=3)
 
 
-def test_motions_rest_at_both_ends_in_the_range_and_reach_a_limit(problem, motions):
+def test_random_motions_start_and_end_at_rest_inside_the_workspace_and_reach_a_limit(problem, motions):
     space = problem.workspace
     for motion in motions:
         times = np.linspace(motion.times[0], motion.times[-1], 301)
@@ -44,7 +44,7 @@ def test_motions_rest_at_both_ends_in_the_range_and_reach_a_limit(problem, motio
 
 
 @pytest.mark.full
-def test_slower_motions_have_smaller_bounds_and_too_fast_ones_name_the_limit(problem, motions):
+def test_slower_motions_have_smaller_error_bounds_and_too_fast_motions_name_the_limit(problem, motions):
     described = _begin(problem)[0].described(LAW)
     fast, full, slow = speed_table(described, motions, LAW.final, speeds=(6.0, 1.0, 0.25))
     assert fast.certified == 0 and fast.median is None and "torque of `joint" in fast.reason
@@ -53,7 +53,7 @@ def test_slower_motions_have_smaller_bounds_and_too_fast_ones_name_the_limit(pro
     assert fast.as_json()["largest"] is None
 
 
-def test_a_row_counts_motions_within_the_allowed_error(problem, motions):
+def test_a_row_of_the_speed_table_counts_motions_within_the_allowed_error(problem, motions):
     described = _begin(problem)[0].described(LAW)
     (row,) = speed_table(described, motions[:1], LAW.final, speeds=(1.0,))
     assert row.certified == row.motions == 1 and 0 < row.median == row.largest < 1e-4
@@ -61,7 +61,7 @@ def test_a_row_counts_motions_within_the_allowed_error(problem, motions):
     assert row.certified == 0 and row.reason.startswith("error of `joint")
 
 
-def test_a_slower_motion_is_proposed_with_a_start_on_it(problem, monkeypatch):
+def test_a_refusal_proposes_a_slower_motion_that_the_arm_starts_on(problem, monkeypatch):
     tried = []
 
     def verdict_of(described: Any) -> Verdict:

@@ -40,7 +40,7 @@ def trials(tmp_path_factory):
     return Trials(problem, *_begin(problem))
 
 
-def test_cases_have_each_joint_light_among_heavy_and_heavy_among_light_joints(trials):
+def test_cases_include_each_rotor_light_among_heavy_rotors_and_heavy_among_light_rotors(trials):
     rotors = trials.cases(48)[ARMATURE]
     for joint in range(6):
         others = np.delete(np.arange(6), joint)
@@ -49,15 +49,15 @@ def test_cases_have_each_joint_light_among_heavy_and_heavy_among_light_joints(tr
         assert light.any() and heavy.any()
 
 
-def test_cases_of_the_search_widen_the_arms_uncertainty_but_not_the_starts(trials):
+def test_search_cases_widen_the_uncertainty_of_the_arm_but_not_of_its_start(trials):
     cases, beyond = trials.cases(48), trials.widened_cases(48)
     assert np.allclose(beyond[ARMATURE] - 0.2, BEYOND * (cases[ARMATURE] - 0.2))
     assert np.array_equal(beyond["start.q"], cases["start.q"])
-    # Nothing weighs less than nothing.
+    # A mass is not negative.
     assert beyond[LOAD].min() == 0.0 and beyond[LOAD].max() > 2.0
 
 
-def test_hard_cases_follow_the_corners_newest_first(trials):
+def test_worst_cases_of_failed_checks_follow_the_corner_cases_newest_first(trials):
     def hard(value: float) -> dict[str, Any]:
         return {path: np.full_like(array[:2], value) for path, array in trials.cases(8).items()}
 
@@ -81,7 +81,7 @@ def test_torque_step_of_a_joint_is_relative_to_its_own_limit(trials):
 
     step = trials.evaluate([choice], trials.cases(2))[0].step
     assert drive_share(*[2.0] * 6) == pytest.approx(step / 2.0) and drive_share(*[np.inf] * 6) == 0.0
-    # A wrist that no one would notice beside the shoulder is noticed at its own drive.
+    # A step that is small for the shoulder's drive still counts at the wrist's own drive.
     wrist = drive_share(*[np.inf] * 5, 2.0)
     assert 0.0 < wrist < drive_share(*[2.0] * 6) and drive_share(*[2.0] * 5, 1e-4) == pytest.approx(2e4 * wrist)
 
@@ -115,7 +115,7 @@ requirements: {deadline: 1.2}
 
 
 @pytest.mark.full
-def test_a_joint_beyond_the_loop_rate_rule_is_named_with_disturbance_and_limit(tmp_path):
+def test_a_joint_beyond_the_loop_rate_rule_is_named_with_error_and_limit(tmp_path):
     path = tmp_path / "requirements.yaml"
     path.write_text(REQUIREMENTS, encoding="utf-8")
     problem = read_problem(path)

@@ -14,7 +14,7 @@ def test_the_page_of_commands_is_up_to_date():
     assert commands_page() == TEXT, "run `.venv/bin/python scripts/build-site --commands`"
 
 
-def test_every_command_and_each_of_its_options_is_on_the_page():
+def test_every_command_and_the_main_options_of_run_are_on_the_commands_page():
     named = [command.name or command.callback.__name__ for command in app.registered_commands]
     assert len(named) > 15
     for name in named:
@@ -24,7 +24,7 @@ def test_every_command_and_each_of_its_options_is_on_the_page():
         assert f"`{option}`" in section, option
 
 
-def test_every_exit_code_of_a_help_text_is_in_the_table():
+def test_exit_codes_in_help_texts_and_in_the_table_are_the_same():
     stated = {
         int(code)
         for line in re.findall(r"^Exit code (.*?)\n\n", TEXT, re.MULTILINE | re.DOTALL)
@@ -34,7 +34,7 @@ def test_every_exit_code_of_a_help_text_is_in_the_table():
 
 
 @pytest.mark.parametrize("words", re.findall(r"^\| \[`(slidax [a-z0-9 ]+)`\]", TEXT, re.MULTILINE))
-def test_a_command_prints_help_with_the_code_0(words):
+def test_help_of_a_command_exits_with_code_0(words):
     from typer.testing import CliRunner
 
     result = CliRunner().invoke(app, [*words.split()[1:], "--help"])

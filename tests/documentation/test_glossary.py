@@ -18,7 +18,7 @@ EVERY = pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
 
 @pytest.fixture(scope="module")
 def keys():
-    """Keys of the scenario schema, by the keys that they may stand below; top-level ones below the empty key."""
+    """Keys of the scenario schema by parent key; top-level keys have the empty parent."""
     whole = schema()
     return {"": set(whole["properties"]), **_below(whole["properties"], whole)}
 
@@ -37,12 +37,12 @@ def _below(properties, whole, visited=frozenset()):
     return result
 
 
-def test_terms_occur_once_and_in_the_order_of_topics():
+def test_each_glossary_term_occurs_once():
     assert len(ROWS) > 45 and len({row[0] for row in ROWS}) == len(ROWS)
 
 
 @EVERY
-def test_a_term_has_a_meaning_and_a_name_in_files_or_code(row):
+def test_a_glossary_term_has_a_meaning_and_a_name_in_files_or_code(row):
     assert len(row) == 6 and len(row[1]) > 15 and (row[4] or row[5])
 
 

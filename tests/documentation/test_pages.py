@@ -58,7 +58,7 @@ def test_files_that_commands_read_exist_or_are_written_earlier_on_the_page(page)
 
 
 @EVERY_OF_DOCS
-def test_skipped_blocks_have_a_reason_and_all_others_can_run(page):
+def test_skipped_blocks_have_a_reason_and_python_blocks_have_valid_syntax(page):
     for block in of(page):
         where = f"{name(page)}, line {block.first + 1}"
         assert set(block.marks) <= {*MARKS, "file"}, where
@@ -78,7 +78,7 @@ def test_the_yaml_of_a_page_is_valid(page, tmp_path):
 
 
 @pytest.mark.parametrize("page", [page for page in DOCS if "<!-- small:" in page.read_text(encoding="utf-8")], ids=name)
-def test_blocks_of_the_daily_tests_run(page, tmp_path):
+def test_code_blocks_marked_small_run_without_error(page, tmp_path):
     outcomes = PageRun(page, tmp_path, tmp_path / "made", small=True).run()
     marked = [block for block in of(page) if "small" in block.marks]
     assert len([item for item in outcomes if item.texts]) == len(marked)
@@ -100,7 +100,7 @@ def test_the_code_of_all_pages_runs():
     assert len(result) >= len([page for page in DOCS if any(block.language in CODE for block in of(page))])
 
 
-# --- that these tests see what is wrong ---
+# --- detection of errors on pages ---
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_invalid_yaml_on_a_page_is_detected(tmp_path):
     assert dotted({"a": {"b": 1, "c": {"kind": "x", "d": 2}}}) == {"a.b": 1, "a.c": {"kind": "x", "d": 2}}
 
 
-def test_a_block_has_its_marks_and_a_mark_without_a_block_is_refused():
+def test_marks_belong_to_the_next_block_and_a_mark_without_block_is_refused():
     text = "<!-- exit: 3 -->\n<!-- with: --runs 2 -->\n\n```console\n$ slidax list\n```\n\n<!-- a remark -->\nText\n"
     (block,) = blocks(text)
     assert (block.language, block.first, block.last) == ("console", 0, 5)
@@ -150,7 +150,7 @@ def test_a_block_has_its_marks_and_a_mark_without_a_block_is_refused():
         blocks("```sh\nls\n")
 
 
-def test_commands_in_a_terminal_block_follow_the_prompt():
+def test_commands_are_read_after_the_prompt_of_a_terminal_block():
     result = commands("console", "$ slidax run x \\\n    --out y   # why\nsaid\n$ ls\n")
     assert [item.arguments for item in result] == [["run", "x", "--out", "y"], ["ls"]]
     assert result[0].shown == ["said"]

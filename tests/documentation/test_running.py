@@ -32,7 +32,7 @@ def run(text, folder):
     return list(PageRun(page, folder / "stand", folder / "out").run())
 
 
-def test_blocks_share_variables_and_show_results_as_a_notebook(tmp_path):
+def test_code_blocks_of_a_page_share_variables_and_show_results_like_a_notebook(tmp_path):
     first, second, third = run(PAGE, tmp_path)
     assert first.texts == [""] and second.texts == ["printed\n22\n"]
     assert (tmp_path / "stand" / "made.txt").read_text() == "here"
@@ -51,7 +51,7 @@ def test_blocks_share_variables_and_show_results_as_a_notebook(tmp_path):
         ("```python\nprint('x' * 2000)\n```\n", r"page\.md, line 1: prints a line of 2000 characters"),
     ],
 )
-def test_a_failing_block_is_an_error_with_its_line(text, message, tmp_path):
+def test_a_failing_code_block_is_an_error_with_its_reason(text, message, tmp_path):
     with pytest.raises(PageError, match=message):
         run(text, tmp_path)
 
@@ -67,7 +67,7 @@ def test_shell_blocks_run_in_bash_with_slidax(tmp_path):
     assert item.texts[0].startswith("first\nSLIDAX ")
 
 
-def test_figures_are_files_next_to_the_page(tmp_path):
+def test_figures_of_code_blocks_are_saved_as_svg_files(tmp_path):
     text = "```python\nimport matplotlib.pyplot as plt\nfigure, _ = plt.subplots()\nfigure\n```\n"
     (item,) = run(text, tmp_path)
     assert (tmp_path / "out" / item.figures[0]).read_text(encoding="utf-8").lstrip().startswith("<?xml")

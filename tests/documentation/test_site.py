@@ -16,7 +16,7 @@ def reference():
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if room != "cli"])
-def test_the_page_of_a_subpackage_has_all_its_exports(reference, room):
+def test_the_api_page_of_a_subpackage_lists_all_its_exports(reference, room):
     pages, _ = reference
     text = pages[f"api/{room}.md"]
     assert f"]({room}.md)" in pages["api/index.md"]
@@ -31,12 +31,12 @@ def test_every_subpackage_is_in_one_group_of_the_api():
     assert sorted(room for group in GROUPS.values() for room in group) == sorted(set(ROOMS) - {"cli"})
 
 
-def test_a_function_is_not_taken_for_the_module_of_its_name(reference):
+def test_a_function_named_like_its_module_is_documented_as_a_function(reference):
     assert "\n::: slidax.analysis.explain.explain\n" in reference[0]["api/analysis.md"]
     assert "\n::: slidax.law.SlidingMode\n" in reference[0]["api/law.md"]
 
 
-def test_parameter_facts_on_a_page_are_those_of_the_declarations(reference):
+def test_api_pages_state_units_ranges_and_sources_of_the_declared_parameters(reference):
     _, facts = reference
     linear = facts["slidax.law.surfaces.Linear"]
     assert (
@@ -86,7 +86,7 @@ def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     assert stage.files == {"examples/design"}
 
 
-def test_a_number_with_an_exponent_is_one_word_on_the_site():
+def test_a_number_with_an_exponent_is_marked_as_a_number_on_the_site():
     text = "| 1.2e-04 to 3e-5 | `1e-6` | abc1e-7 |\n"
     number = '<span class="number">{}</span>'.format
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == (
@@ -94,7 +94,7 @@ def test_a_number_with_an_exponent_is_one_word_on_the_site():
     )
 
 
-def test_a_bar_in_the_code_of_a_table_has_no_backslash_on_the_site():
+def test_an_escaped_bar_in_table_code_has_no_backslash_on_the_site():
     text = "| `--arm own\\|auto` | a\\|b |\n\n```\na\\|b\n```\n"
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == "| `--arm own|auto` | a\\|b |\n\n```\na\\|b\n```\n"
 
@@ -105,7 +105,7 @@ def prose(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=path_of)
-def test_prose_has_no_line_that_the_builder_takes_for_something_else(page):
+def test_prose_has_no_accidental_quotation_list_or_broken_formula(page):
     text = prose(page)
     assert re.findall(r"^ *>=? *[\d.].*$", text, re.MULTILINE) == [], "a quotation"
     assert re.findall(r"\$`[^`\n]*$", text, re.MULTILINE) == [], "a formula over two lines is not set"

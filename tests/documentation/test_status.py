@@ -30,13 +30,13 @@ CLAIMS = list(claims())
 EVERY = pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim["claim"][:40])
 
 
-def test_every_area_has_claims_and_every_status_is_used():
+def test_the_guarantees_page_has_over_25_claims_and_uses_every_status():
     assert len(CLAIMS) > 25
     assert {re.match(r"\*\*([a-z ]+)\*\*", claim["status"])[1] for claim in CLAIMS} == set(STATUSES)
 
 
 @EVERY
-def test_a_figure_of_a_claim_is_on_the_page_that_it_names(claim):
+def test_a_figure_of_a_claim_occurs_on_the_page_that_the_claim_names(claim):
     pages = [(PAGE.parent / target).resolve() for target in re.findall(r"\]\(([^)#]+)", claim["page"])]
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     for figure in FIGURE.findall(claim.get("figure", "")):
@@ -44,7 +44,7 @@ def test_a_figure_of_a_claim_is_on_the_page_that_it_names(claim):
 
 
 @EVERY
-def test_a_claim_names_its_command_or_was_never_run(claim):
+def test_a_claim_names_its_command_or_is_marked_as_never_run(claim):
     assert claim["command"] or claim["status"].startswith("**never run**")
 
 

@@ -62,7 +62,7 @@ def test_an_example_runs_and_prints_something(script, empty_folder, capsys, monk
 
 @pytest.mark.full
 @EVERY
-def test_an_example_runs_alone(script, tmp_path):
+def test_an_example_runs_in_its_own_process_without_warnings(script, tmp_path):
     assert_says_something(output(tmp_path, str(script)))
 
 
@@ -85,7 +85,7 @@ def names() -> dict[str, Any]:
     return namespace
 
 
-def test_the_documented_law_with_a_state_is_short_and_tracks():
+def test_the_documented_law_with_a_state_has_at_most_30_lines_and_tracks():
     (block,) = (block for block in BLOCKS if "class ComputedTorquePID" in block)
     scheme = block.split("class ")[1].split("\n\n\n")[0]
     assert len([line for line in scheme.splitlines() if line.strip()]) <= 30
@@ -93,26 +93,26 @@ def test_the_documented_law_with_a_state_is_short_and_tracks():
     assert run.outcome.ok and np.max(run.tally.steady_error) < 2e-3
 
 
-def test_documented_sensor_and_estimator_give_the_error_of_the_sensor():
+def test_the_documented_biased_sensor_causes_a_steady_error_equal_to_its_bias():
     biased = names()["biased"]
     assert biased.outcome.ok
-    # The arm is brought to where the sensor says that it should be.
+    # The law brings the biased measurement to the reference.
     np.testing.assert_allclose(biased.tally.steady_error, [1e-4, 0.0], atol=1e-6)
 
 
-def test_documented_surface_is_explained_by_its_declarations_and_holds_the_envelope():
+def test_the_documented_surface_has_a_generated_docstring_and_stays_in_its_envelope():
     surface = names()["Flattening"]
     assert "- `slope`: k, slope at zero, one number or [n], 1/s, > 0." in surface.__doc__
     assert names()["flattened"].outcome.ok
 
 
-def test_a_page_has_the_modules_of_the_extras_that_it_names():
+def test_modules_of_extras_that_a_page_does_not_install_are_hidden():
     hidden = modules_of_other_extras(START.read_text(encoding="utf-8"))
     assert {"mujoco", "foxglove", "SALib"} <= hidden and not {"pyarrow", "pandas", "viser", "llvmlite"} & hidden
     assert not modules_of_other_extras("pip install 'slidax[all]'")
 
 
-def test_the_commands_and_the_code_for_beginners_run_in_their_order(empty_folder, capsys, monkeypatch):
+def test_commands_and_code_of_the_getting_started_page_run_in_order(empty_folder, capsys, monkeypatch):
     namespace: dict[str, Any] = {}
     for module in modules_of_other_extras(START.read_text(encoding="utf-8")):
         monkeypatch.setitem(sys.modules, module, None)
@@ -139,13 +139,13 @@ def test_the_commands_and_the_code_for_beginners_run_in_their_order(empty_folder
 @pytest.mark.parametrize(
     ("words", "extra"), [("--out report", "parquet"), ("run.frame()", "frame"), ("--view", "view")]
 )
-def test_the_page_for_beginners_installs_what_it_uses(words, extra):
+def test_the_getting_started_page_installs_the_extras_that_it_uses(words, extra):
     page = START.read_text(encoding="utf-8")
     (line,) = re.findall(r"pip install '\.\[(.*)\]'", page)
     assert words in page and extra in line.split(",")
 
 
-def test_pages_name_the_default_of_design():
+def test_pages_state_the_default_number_of_runs_of_slidax_design():
     (runs,) = (parameter for parameter in get_command(app).commands["design"].params if parameter.name == "runs")
     pages = {"explain.md": "`--runs {}`, its", "design.md": "{} cases are tried"}
     for page, words in pages.items():
@@ -155,20 +155,20 @@ def test_pages_name_the_default_of_design():
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_animation_is_small_and_self_contained():
+def test_the_panda_animation_is_small_and_self_contained():
     text = (ROOT / "docs" / "figures" / "panda-moving.svg").read_text(encoding="utf-8")
     assert len(text) < 2_000_000
     assert "<animate" in text and "prefers-color-scheme: dark" in text and "<title" in text
     assert not re.findall(r"<script|https?://(?!www\.w3\.org/2000/svg)", text)
 
 
-def test_readme_is_at_most_120_lines_and_has_its_two_commands():
+def test_readme_has_at_most_120_lines_and_the_commands_make_demo_and_make_test():
     assert len(README.splitlines()) <= 120
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert {"demo", "test"} <= set(re.findall(r"^make (\w+)", README, re.MULTILINE)) <= set(targets)
 
 
-def test_the_pictures_of_the_readme_are_small_and_show_the_numbers_of_its_table():
+def test_readme_pictures_are_small_and_its_table_has_error_below_bound_below_envelope():
     pictures = re.findall(r'(?:src|srcset)="(docs/figures/hero[\w-]*\.svg)"', README)
     assert len(pictures) == 2
     for name in pictures:

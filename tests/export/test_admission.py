@@ -1,4 +1,4 @@
-"""The admission of motions in C decides as the one in Python."""
+"""Admission of motions in C decides as in Python."""
 
 import ctypes
 from typing import Any
@@ -127,7 +127,7 @@ def assert_same_decisions(decide: CompiledAdmission, law: Any, count: int, allow
         if answer.bounded:
             np.testing.assert_allclose(answer.error, expected.verdict.bound["error"], rtol=2e-3)
         if "torque" in expected.verdict.bound:
-            # C adds disturbances up before it takes the larger one of two cells, which gives a little less.
+            # C adds the disturbances before taking the larger of two cells, which gives a slightly smaller value.
             np.testing.assert_allclose(answer.torque, expected.verdict.bound["torque"], rtol=5e-3)
             np.testing.assert_allclose(answer.torque_step, expected.verdict.bound["torque_step"], rtol=5e-3)
         if expected.limit is not None and expected.limit.what != "torque step":
@@ -154,20 +154,20 @@ def two_links(tmp_path_factory):
     return CompiledAdmission(scenario, tmp_path_factory.mktemp("admission")), certified_law(scenario)
 
 
-def test_c_decides_as_python_with_the_same_bounds(two_links):
+def test_admission_in_c_decides_as_python_with_the_same_bounds(two_links):
     assert_same_decisions(*two_links, count=4, allowed=1.6e-4)
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", CASES)
-def test_c_decides_as_python_on_a_panda(name, tmp_path):
+def test_admission_in_c_decides_as_python_on_a_panda(name, tmp_path):
     changes, allowed = CASES[name]
     scenario = sx.scenarios.load(PANDA, changes)
     assert_same_decisions(CompiledAdmission(scenario, tmp_path), certified_law(scenario), 20, allowed)
 
 
 @pytest.mark.full
-def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
+def test_admission_in_c_gives_the_slowdown_factor_of_python(tmp_path):
     scenario = sx.scenarios.load(PANDA)
     decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
     slowed = 0
@@ -180,7 +180,7 @@ def test_a_motion_that_is_slowed_down_by_the_answer_is_admitted(tmp_path):
 
 
 @pytest.mark.full
-def test_a_step_of_the_motion_itself_is_refused_in_c_as_in_python_also_if_steps_are_assumed(tmp_path):
+def test_a_planned_torque_step_beyond_the_limit_is_refused_in_c_as_in_python(tmp_path):
     scenario = sx.scenarios.load("example-4.1-1khz", {**NEAR, "actuator.rate": 150.0})
     decide, law = CompiledAdmission(scenario, tmp_path), certified_law(scenario)
     motions = random_motions(law, 6)
@@ -194,7 +194,7 @@ def test_a_step_of_the_motion_itself_is_refused_in_c_as_in_python_also_if_steps_
     assert {decide(motion, assume_steps=True).reason for motion in motions} >= {0, 9}
 
 
-def test_what_is_no_motion_is_refused(two_links):
+def test_discontinuous_reversed_and_nan_motions_are_refused(two_links):
     decide, law = two_links
     (motion,) = random_motions(law, 1)
     coefficients, times = np.asarray(motion.coefficients), np.asarray(motion.times)
@@ -216,7 +216,7 @@ def test_what_is_no_motion_is_refused(two_links):
         assert answer.reason == 8 and answer.slow_down == 0.0 and not answer.bounded
 
 
-def test_the_command_adds_the_function_or_says_why_the_law_has_none(tmp_path):
+def test_admission_export_of_an_unsupported_law_is_refused_with_the_reason(tmp_path):
     done = in_process("export", "c", "example-4.1", "--out", str(tmp_path), "--admission", "--quick")
     assert done.exit_code == 2 and "a bound along a motion needs a law in sampled-data form" in done.stderr
     scenario = sx.scenarios.load("example-4.1-1khz")

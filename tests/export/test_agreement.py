@@ -30,7 +30,7 @@ AT_MID_PERIOD = {
 
 ARM_LEARNING = {**NO_LIMITS, "scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
-# Torque limits hide most of the law at random states; one scheme shows that they act alike.
+# Torque limits hide most of the law at random states; a single scheme tests the limits.
 PAIRS = [
     *((arm, scheme, {}) for arm in ("example-4.1", "example-4.2") for scheme in catalogue()["schemes"]),
     *((f"example-4.{k}-1khz", scheme, NO_LIMITS) for k in (1, 2) for scheme in catalogue()["schemes"]),
@@ -48,7 +48,7 @@ COMPOSED = {
     "reaching": {"kind": "fixed_time", "gain": 0.1, "exponent": 1.2, "layer": 0.05},
     "bound": {"kind": "fixed", "size": 30.0},
 }
-"""The scheme that has no parts of its own, of parts that no other has together."""
+"""A generic sliding-mode scheme whose parts no preset combines."""
 
 
 def named(pair):
@@ -68,7 +68,7 @@ def slack(guard, samples):
 @pytest.mark.parametrize(
     "pair", [pytest.param(pair, marks=[pytest.mark.full] if pair != DAILY else [], id=named(pair)) for pair in PAIRS]
 )
-def test_torque_and_status_of_c_are_those_of_python_in_repeatable_bits(pair, tmp_path):
+def test_c_and_python_agree_in_torque_and_status_with_repeatable_bits(pair, tmp_path):
     arm, scheme, changes = pair
     if scheme == COMPOSED["name"]:
         sampled = {"sampled_data": {}} if arm.endswith("khz") else {}
@@ -98,7 +98,7 @@ def test_torque_and_status_of_c_are_those_of_python_in_repeatable_bits(pair, tmp
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["example-4.1", "example-4.2-1khz"])
-def test_bad_numbers_give_the_status_of_python_and_a_finite_torque_within_limits(name, tmp_path):
+def test_bad_inputs_to_c_give_pythons_status_and_a_finite_torque_within_limits(name, tmp_path):
     scenario = load(name, {"actuator.torque": 50.0})
     assert scenario.plant.actuator is not None
     exported = Exported(scenario, tmp_path)
@@ -110,13 +110,13 @@ def test_bad_numbers_give_the_status_of_python_and_a_finite_torque_within_limits
     assert np.isfinite(answers.command["tau"]).all() and (np.abs(answers.command["tau"]) <= 50.0).all()
     held = (answers.status & HELD) != 0
     assert 0.3 < held.mean() < 1.0
-    # Before the first command a step that is held commands nothing.
+    # Before the first command, a held step commands zero torque.
     before = np.where(np.asarray(samples.memory.commanded)[:, None], samples.memory.tau, 0.0)[held]
     np.testing.assert_array_equal(answers.command["tau"][held], before)
     np.testing.assert_array_equal(answers.memory["t"][held], np.asarray(samples.memory.t)[held])
 
 
-def test_a_parameter_takes_effect_in_the_step_after_it_was_changed(tmp_path):
+def test_a_changed_parameter_takes_effect_in_the_next_step(tmp_path):
     scenario = load("example-4.1")
     exported = Exported(scenario, tmp_path)
     guard = exported.project.guard
@@ -130,7 +130,7 @@ def test_a_parameter_takes_effect_in_the_step_after_it_was_changed(tmp_path):
         np.testing.assert_allclose(exported.answers(samples, parameters).command["tau"], command.tau, rtol=1e-11)
 
 
-def test_floats_agree_to_their_precision(tmp_path):
+def test_single_precision_c_agrees_with_python_within_1_percent_in_99_percent_of_samples(tmp_path):
     scenario = load("example-4.2")
     exported = Exported(scenario, tmp_path, single=True)
     guard = exported.project.guard
@@ -140,7 +140,7 @@ def test_floats_agree_to_their_precision(tmp_path):
     tau = np.asarray(command.tau)
     size = np.abs(tau).max(1)
     off = np.abs(answers.command["tau"] - tau).max(1)
-    # A step that is held before the first command has none.
+    # A step that is held before the first command has zero torque.
     assert not off[size == 0].any()
     off = off[size > 0] / size[size > 0]
     assert np.median(off) < 1e-4 and np.quantile(off, 0.99) < 1e-2

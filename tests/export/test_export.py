@@ -57,7 +57,7 @@ def test_the_project_builds_without_a_warning_and_answers_the_golden_samples(fol
     assert int(re.match(r"(\d+) golden samples", message)[1]) > 200 and message.endswith("0 faults\n")
 
 
-def test_a_wrong_answer_fails_the_c_test(doubles, tmp_path):
+def test_a_wrong_golden_sample_fails_the_c_test(doubles, tmp_path):
     copied_with_a_wrong_answer(doubles, tmp_path)
     compiled(COMPILERS[0], tmp_path, *WITH_SCENARIO, "test_law.c", "-o", "test_law", "-lm")
     done = subprocess.run(["./test_law"], cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -144,7 +144,7 @@ def test_each_function_of_the_step_has_one_return_at_its_end_and_no_jumps(folder
     assert all(re.search(r"\bstep\w* < \d+", item) for item in conditions)
 
 
-def test_the_law_of_example_4_1_is_short_and_keeps_its_names(doubles):
+def test_c_code_of_example_4_1_is_short_and_keeps_the_papers_names(doubles):
     text = (doubles / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 1000
     for name in ("s_1", "eps1_2", "rho_1", "tau0_1", "tau1_2", "u", "slope_1", "alpha_2"):
@@ -170,14 +170,14 @@ def test_the_header_names_units_meanings_and_defaults(doubles):
 
 
 @pytest.mark.full
-def test_header_of_a_panda_has_its_nominal_parameters_and_its_printed_numbers(panda):
+def test_header_of_a_panda_lists_its_nominal_parameters_and_their_values(panda):
     header = (panda / "slidax_law.h").read_text()
     for member in ("nominal_masses[7]", "nominal_inertias[63]", "nominal_armature[7]", "nominal_payload_mass;"):
         assert member in header, member
     assert " -0.02872," in header
 
 
-def test_the_readme_explains_every_bit_and_shows_the_loop(exported):
+def test_the_exported_readme_explains_every_status_bit_and_shows_a_control_loop(exported):
     folder, law = exported
     readme = (folder / "README.md").read_text()
     for condition in CONDITIONS:
@@ -198,7 +198,7 @@ def test_the_latency_program_prints_percentiles_and_draws_a_picture(doubles):
     assert any("p99.9" in word for word in words) and "time of one step [µs]" in words
 
 
-def test_the_example_runs_at_its_rate_and_tracks(doubles):
+def test_the_c_example_meets_every_period_and_prints_its_errors(doubles):
     compiled(COMPILERS[0], doubles, "-O2", *WITH_SCENARIO, "example.c", "-o", "example", "-lm")
     message = run(doubles, "./example", "0.05")
     assert message.startswith("500 periods, 0 late; at t = 0.050 s the errors are")
@@ -256,7 +256,7 @@ int main() {
 """
 
 
-def test_the_same_export_twice_is_the_same_text(doubles, tmp_path):
+def test_exporting_a_law_twice_gives_identical_files(doubles, tmp_path):
     again = project(load("example-4.1"), name="law", command="slidax export c example-4.1", with_golden=False)
     write_law(again, tmp_path)
     for file in tmp_path.iterdir():

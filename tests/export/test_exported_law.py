@@ -64,7 +64,7 @@ def test_an_exported_law_answers_as_python_does(law):
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["example-4.1-1khz", "panda-payload"])
-def test_calm_steps_in_c_are_those_of_python(name, tmp_path):
+def test_calm_steps_of_a_law_agree_in_c_and_python(name, tmp_path):
     scenario = scenarios.load(name, {"scheme.sampled_data.calm": True})
     export_c(scenario, tmp_path, name="law", golden=False)
     law = sx.load_export(tmp_path)
@@ -72,13 +72,13 @@ def test_calm_steps_in_c_are_those_of_python(name, tmp_path):
     assert law.signals["calm"].all()
 
 
-def test_a_reference_without_a_next_row_is_extrapolated_with_its_acceleration(law):
+def test_a_reference_at_rest_without_a_next_row_is_continued_at_rest(law):
     other, still = law.another(), Reference(*(jnp.zeros(2),) * 3)
     first = law.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still))
     assert first[0].tolist() == other.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still), rows(still))[0].tolist()
 
 
-def test_parameters_are_read_and_set_by_name_for_each_arm(law):
+def test_parameters_of_an_exported_law_are_set_by_name_and_separately_per_instance(law):
     other = law.another()
     name = next(key for key in law if key.startswith("surface"))
     before = law[name]
@@ -91,7 +91,7 @@ def test_parameters_are_read_and_set_by_name_for_each_arm(law):
         law["surfacek1"] = 1.0
 
 
-def test_a_bad_sample_sets_its_condition_and_a_reset_restarts_the_law(law):
+def test_an_invalid_sample_sets_its_status_condition_and_a_reset_restarts_the_law(law):
     t, q, dq, now, following = next(samples(1))
     first, _ = law.step(t, q, dq, rows(now), rows(following))
     held, status = law.step(t, [np.nan, 0.0], dq, rows(now), rows(following))
@@ -101,7 +101,7 @@ def test_a_bad_sample_sets_its_condition_and_a_reset_restarts_the_law(law):
     assert again.tolist() == first.tolist()
 
 
-def test_shapes_and_folders_are_checked(law, tmp_path, monkeypatch):
+def test_wrong_shapes_missing_laws_and_missing_compilers_are_refused(law, tmp_path, monkeypatch):
     with pytest.raises(DefinitionError, match=r"`q` must have shape \[2\]; got \[3\]"):
         law.step(0.0, [0.0] * 3, [0.0] * 2, np.zeros((3, 2)))
     with pytest.raises(DefinitionError, match=r"`now` must have shape \[3, 2\]; got \[2\]"):

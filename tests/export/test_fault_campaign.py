@@ -44,7 +44,7 @@ def disturbed(name, single, times, seed, folder):
 
 
 @pytest.mark.parametrize(("name", "single"), [("panda-payload", False), ("example-4.1-1khz", True)])
-def test_after_a_fault_the_joints_return_in_time_or_a_stop_is_requested(name, single, tmp_path):
+def test_joints_return_in_time_after_a_sensor_fault_or_a_stop_is_requested(name, single, tmp_path):
     report = disturbed(name, single, 6, 1, tmp_path)
     assert f"all: {6 * KINDS} runs, 0 bad" in report
 
@@ -52,7 +52,7 @@ def test_after_a_fault_the_joints_return_in_time_or_a_stop_is_requested(name, si
 @pytest.mark.full
 @pytest.mark.parametrize("single", [False, True], ids=["doubles", "floats"])
 @pytest.mark.parametrize("name", EXPORTS)
-def test_no_fault_at_200_random_times_makes_a_law_run_away(name, single, tmp_path):
+def test_sensor_faults_at_200_random_times_do_not_make_an_exported_law_diverge(name, single, tmp_path):
     report = disturbed(name, single, 200, 11, tmp_path)
     print(f"{name}, {'floats' if single else 'doubles'}\n{report}")
     assert f"all: {200 * KINDS} runs, 0 bad" in report
@@ -101,7 +101,7 @@ class Disturbed(AbstractSensor):
 @pytest.mark.parametrize(
     "name", ["example-4.1-1khz", *(pytest.param(name, marks=pytest.mark.full) for name in EXPORTS if "4.1" not in name)]
 )
-def test_python_and_c_agree_under_the_faults_of_a_run(name, tmp_path):
+def test_c_and_python_agree_in_a_run_with_sensor_faults(name, tmp_path):
     scenario = load(name, {"simulation.t1": 2.0, "simulation.outside": "recover"})
     guard = GuardedStep.around(scenario.controller, scenario.plant.actuator.limits, scenario.period)
     samples = round(2.0 / scenario.period) + 1
@@ -112,7 +112,7 @@ def test_python_and_c_agree_under_the_faults_of_a_run(name, tmp_path):
     np.testing.assert_array_equal(answers.status, recording.status)
     rejected = (recording.status & MEASUREMENT_REJECTED.bit) != 0
     assert 3 < rejected.sum() < samples // 10
-    # The plan is searched to 1e-12 rad/s, so that the last digits of a torque are not those of the other compiler.
+    # The plan is computed to 1e-12 rad/s, so the last digits of a torque depend on the compiler.
     tolerance = 1e-12 * np.abs(recording.tau).max()
     np.testing.assert_allclose(answers.command["tau"], recording.tau, rtol=0, atol=tolerance)
     same = float(np.mean(answers.command["tau"] == recording.tau))

@@ -17,10 +17,10 @@ pytestmark = needs_a_compiler
 FLOAT = 2.0**-23
 CASES = 20_000
 NEAR = 10
-"""Turns from a guess within a tenth."""
+"""Largest number of iterations from a guess within a tenth."""
 
 FAR = 20
-"""Turns from anywhere."""
+"""Largest number of iterations from any guess."""
 
 
 def barrier(surface, now, upper, horizon):
@@ -58,7 +58,7 @@ def cases(seed):
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "surface"), SURFACES, ids=[name for name, _ in SURFACES])
-def test_the_search_takes_few_iterations(name, surface, tmp_path):
+def test_the_root_search_in_single_precision_converges_within_20_iterations(name, surface, tmp_path):
     def value(now, upper, horizon, eps):
         return barrier(surface, now, upper, horizon).value_and_slope(eps)[0]
 

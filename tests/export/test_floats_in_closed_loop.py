@@ -114,7 +114,7 @@ def count_turns(file):
 
 
 @pytest.mark.parametrize("name", ["example-4.1-1khz", "example-4.2-1khz", "panda-payload", "ur5e-payload"])
-def test_law_in_floats_holds_its_envelope_to_the_end(name, tmp_path):
+def test_a_law_in_single_precision_stays_inside_its_envelope(name, tmp_path):
     scenario = load(name)
     single = closed_loop(scenario, tmp_path / "floats", single=True)
     assert not single.status & (HELD | ENVELOPE_LEFT.bit | PROMISE_VOID.bit)

@@ -84,14 +84,14 @@ def running(file, run):
 def test_an_fmu_is_valid_and_gives_the_torques_of_the_run(units, run, fmi):
     file, _ = units[fmi]
     assert validate_fmu(str(file)) == []
-    # All starts are set as they are declared, too.
+    # The importer also sets all declared start values.
     tau, status = importers.by_fmpy(file, run, PERIOD, apply_default_start_values=True)
     assert len(tau) == 500
     np.testing.assert_allclose(tau, run.tau[:500], rtol=0, atol=1e-9)
     assert (status == run.status[:500]).all()
 
 
-def test_a_second_importer_computes_the_same_torques(units, run):
+def test_libcosim_computes_the_torques_of_the_run_from_the_fmu(units, run):
     pytest.importorskip("libcosimpy")
     step = importers.libcosim_steps(units[2][0], 2, PERIOD)
     rows = np.stack(list(importers.inputs(run).values()), 1)[:100]
@@ -100,7 +100,7 @@ def test_a_second_importer_computes_the_same_torques(units, run):
 
 
 @pytest.mark.parametrize("fmi", [3, 2])
-def test_gains_have_units_ranges_starts_and_meanings(units, fmi):
+def test_fmu_parameters_have_units_ranges_start_values_and_descriptions(units, fmi):
     description = fmpy.read_model_description(str(units[fmi][0]))
     result = {each.name: each for each in description.modelVariables}
     gain = result["parameters.surface_k1"]
@@ -119,7 +119,7 @@ def test_gains_have_units_ranges_starts_and_meanings(units, fmi):
     assert {re.sub(r"parameters\.|\[.*", "", each.name) for each in parameters} == {each.name for each in members}
 
 
-def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
+def test_an_fmu_parameter_acts_from_the_next_sample_and_is_refused_out_of_range(units, run):
     with running(units[3][0], run) as (fmu, place, output, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)
@@ -144,7 +144,7 @@ def test_a_gain_acts_from_the_next_sample_on_and_keeps_its_range(units, run):
         assert np.abs(np.array(torque()) - run.tau[1]).max() > 0.1
 
 
-def test_smaller_steps_hold_the_torque_and_larger_ones_are_refused(units, run):
+def test_fmu_steps_below_the_period_hold_the_torque_and_larger_steps_are_refused(units, run):
     with running(units[3][0], run) as (fmu, _, output, sample, torque):
         for k in range(8):
             sample(k // 4 if k % 4 == 0 else 400)
@@ -161,7 +161,7 @@ def test_smaller_steps_hold_the_torque_and_larger_ones_are_refused(units, run):
         fmu.doStep(2 * PERIOD, PERIOD)
 
 
-def test_a_state_can_be_saved_serialised_and_restored(units, run):
+def test_an_fmu_state_can_be_saved_serialised_and_restored(units, run):
     with running(units[3][0], run) as (fmu, _, _, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)
@@ -181,12 +181,12 @@ def test_a_state_can_be_saved_serialised_and_restored(units, run):
             fmu.freeFMUState(back)
 
 
-def test_a_bad_measurement_holds_the_torque_and_sets_its_status(units, run):
+def test_an_invalid_measurement_in_an_fmu_holds_the_torque_and_sets_the_status(units, run):
     with running(units[3][0], run) as (fmu, place, _, sample, torque):
         sample(0)
         fmu.doStep(0.0, PERIOD)
         before, margin = torque(), fmu.getFloat64([place["envelope.margin[1]"]])[0]
-        # 20 % of a width of 1 + 0.3... of the radius: somewhere inside.
+        # The start is somewhere inside the envelope.
         assert 0.0 < margin < 0.5
         sample(1)
         fmu.setFloat64([place["measurement.q[2]"]], [float("nan")])
@@ -197,7 +197,7 @@ def test_a_bad_measurement_holds_the_torque_and_sets_its_status(units, run):
         assert fmu.getFloat64([place["envelope.margin[1]"]]) == [0.0]
 
 
-def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(units, run):
+def test_an_fmu_restart_and_a_later_start_time_give_the_first_torque_again(units, run):
     with running(units[3][0], run) as (fmu, place, _, sample, torque):
         for k in range(3):
             fmu.setBoolean([place["restart"]], [k == 2])
@@ -215,7 +215,7 @@ def test_a_restart_draws_the_envelope_anew_and_a_late_start_does_not_matter(unit
 
 
 @pytest.mark.parametrize("fmi", [3, 2])
-def test_the_sources_build_without_a_warning_against_the_standard_headers(units, fmi, tmp_path):
+def test_the_fmu_sources_build_without_a_warning_against_the_standard_headers(units, fmi, tmp_path):
     file, _ = units[fmi]
     with zipfile.ZipFile(file) as archive:
         archive.extractall(tmp_path)
@@ -236,7 +236,7 @@ def test_the_sources_build_without_a_warning_against_the_standard_headers(units,
         assert all(f'name="{name}"' in build for name in names)
 
 
-def test_invalid_options_of_an_fmu_are_refused_in_one_line(scenario, tmp_path, monkeypatch):
+def test_invalid_fmu_options_are_refused_and_write_no_file(scenario, tmp_path, monkeypatch):
     for options, word in (
         ({"fmi": 1}, "must be 3 or 2"),
         ({"platforms": ["riscv"]}, "no binary can be built for `riscv`"),

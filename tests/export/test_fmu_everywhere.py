@@ -43,7 +43,7 @@ def ours(scenario):
     return scenario.replace(t1=5.0).simulate().log
 
 
-def test_every_platform_has_a_binary_with_all_functions(file):
+def test_the_fmu_has_a_binary_with_the_main_functions_for_every_platform(file):
     with zipfile.ZipFile(file) as archive:
         for each in PLATFORMS:
             inside = archive.read(f"binaries/{each.name}/slidax_example_4_1_1khz{each.ending}")
@@ -53,7 +53,7 @@ def test_every_platform_has_a_binary_with_all_functions(file):
     assert len(NAMES) == 5
 
 
-def test_the_binary_for_apple_silicon_is_signed_as_its_loader_asks(file):
+def test_the_apple_silicon_binary_has_a_code_signature(file):
     with zipfile.ZipFile(file) as archive:
         inside = archive.read("binaries/aarch64-darwin/slidax_example_4_1_1khz.dylib")
     place, kinds = 32, []
@@ -65,7 +65,7 @@ def test_the_binary_for_apple_silicon_is_signed_as_its_loader_asks(file):
     assert code_signature in kinds
 
 
-def test_the_same_export_twice_is_the_same_file(scenario, file, tmp_path):
+def test_exporting_an_fmu_twice_gives_identical_files(scenario, file, tmp_path):
     export_fmu(scenario, tmp_path / "again.fmu")
     assert (tmp_path / "again.fmu").read_bytes() == file.read_bytes()
 
@@ -83,7 +83,7 @@ def test_an_fmu_in_the_loop_moves_the_arm_as_the_law_does(scenario, file, older,
 
 
 @pytest.mark.parametrize("platform", ["x86_64-windows", "aarch64-linux"])
-def test_binaries_of_other_machines_give_the_same_torques(scenario, file, platform, tmp_path):
+def test_fmu_binaries_for_other_platforms_give_the_same_torques(scenario, file, platform, tmp_path):
     if importers.lacks(platform):
         pytest.skip(f"{importers.lacks(platform)} is not here")
     run = record_closed_loop(scenario, export_guard(scenario), 0.2)

@@ -16,7 +16,7 @@ from slidax.scenarios import load
         ("N m/(rad s) or N/(m s)", "N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
     ],
 )
-def test_declared_units_have_the_names_and_base_units_of_the_importers(declared, name, base):
+def test_declared_units_become_fmu_units_with_their_base_units(declared, name, base):
     result = parse_unit(declared)
     assert result.name == name and dict(result.base) == base
     if " or " in declared:
@@ -25,7 +25,7 @@ def test_declared_units_have_the_names_and_base_units_of_the_importers(declared,
 
 
 @pytest.mark.parametrize("declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)"])
-def test_declared_texts_without_a_unit_have_no_unit(declared):
+def test_declarations_without_an_si_unit_have_no_fmu_unit(declared):
     assert parse_unit(declared) is None
 
 

@@ -71,7 +71,7 @@ def test_status_bits_are_distinct_powers_of_two():
     assert [condition.bit for condition in CONDITIONS] == [2**k for k in range(len(CONDITIONS))]
 
 
-def test_a_good_sample_is_answered_as_the_law_answers_it():
+def test_the_guarded_step_gives_the_laws_torque_for_a_valid_sample():
     guard = guarded()
     law = guard.controller
     memory = law.init(T, STATE, NOW)
@@ -84,7 +84,7 @@ def test_a_good_sample_is_answered_as_the_law_answers_it():
     np.testing.assert_allclose(command.signals["rho"], law.transformation.performance.radius(T), rtol=1e-15)
 
 
-def test_a_run_of_the_guarded_step_is_the_run_of_the_law():
+def test_a_simulation_with_the_guarded_step_equals_a_simulation_with_the_law():
     alone, behind_guards = (
         simulate(plant_4_1(), law, MOTION_4_1, START_4_1, t1=0.2, period=PERIOD, substeps=5, engine="xla")
         for law in (law_4_1(), guarded())
@@ -93,7 +93,7 @@ def test_a_run_of_the_guarded_step_is_the_run_of_the_law():
     assert not behind_guards.log.signals["status"].any()
 
 
-def test_the_first_good_sample_starts_the_law():
+def test_the_first_valid_sample_starts_the_law():
     guard = guarded()
     forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
     by_itself, status = step(guard, forgotten)
@@ -101,7 +101,7 @@ def test_the_first_good_sample_starts_the_law():
     np.testing.assert_array_equal(by_itself.tau, step(guard, begun(guard))[0].tau)
 
 
-def test_a_bad_first_sample_starts_nothing_and_commands_nothing():
+def test_an_invalid_first_sample_does_not_start_the_law_and_commands_zero_torque():
     guard = guarded()
     forgotten = jax.tree.map(jnp.zeros_like, begun(guard))
     command, status = step(guard, forgotten, state=eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan))
@@ -111,7 +111,7 @@ def test_a_bad_first_sample_starts_nothing_and_commands_nothing():
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("place", ["t", "q", "dq"])
-def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_remembered(place, number):
+def test_a_measurement_that_is_not_finite_holds_the_last_command_and_keeps_the_memory(place, number):
     guard = guarded()
     memory, t = after_one(guard)
     state = STATE
@@ -126,7 +126,7 @@ def test_a_measurement_that_is_not_finite_holds_the_last_command_and_is_not_reme
     assert not any(np.any(signal) for signal in command.signals.values())
 
 
-def test_an_impossible_position_holds_the_last_command():
+def test_a_position_out_of_range_holds_the_last_command():
     guard = eqx.tree_at(lambda g: g.gate.q_max, guarded(), jnp.array([10.0, 10.0]))
     memory, t = after_one(guard)
     far = eqx.tree_at(lambda s: s.q, STATE, jnp.array([0.0, -10.1]))
@@ -135,7 +135,7 @@ def test_an_impossible_position_holds_the_last_command():
     np.testing.assert_array_equal(command.tau, memory.tau)
 
 
-def test_inputs_that_the_law_does_not_read_may_be_anything():
+def test_unused_inputs_may_be_nan_and_used_inputs_must_be_finite():
     guard = guarded()
     unknown = Reference(*[jnp.full(2, jnp.nan)] * 3)
     assert step(guard, begun(guard), following=unknown)[1] == 0
@@ -143,8 +143,8 @@ def test_inputs_that_the_law_does_not_read_may_be_anything():
     assert "next.q" not in guard.reads
 
 
-def test_a_law_undefined_outside_its_envelope_sets_both_status_bits():
-    # The gate would reject a jump of the arm itself: here it is the reference that jumps.
+def test_a_law_undefined_outside_its_envelope_reports_envelope_left_and_invalid_torque():
+    # The gate would reject a jump of the arm, so the reference jumps here.
     guard = guarded()
     memory, t = after_one(guard)
     far = Reference(NOW.q - jnp.array([0.9, 0.0]), NOW.dq, NOW.ddq)
@@ -186,7 +186,7 @@ def test_a_torque_beyond_its_limit_is_limited():
     np.testing.assert_array_equal(command.memory.tau, command.tau)
 
 
-def test_the_first_command_respects_the_rate_limit_counted_from_the_weight_of_the_nominal_arm():
+def test_the_first_command_is_rate_limited_from_the_nominal_arms_gravity_torque():
     guard = guarded(rate=10.0)
     command, status = step(guard, begun(guard))
     assert status == TORQUE_LIMITED.bit
@@ -195,7 +195,7 @@ def test_the_first_command_respects_the_rate_limit_counted_from_the_weight_of_th
 
 
 @pytest.mark.parametrize("make", [lambda: guarded(rate=10.0), sampled])
-def test_the_first_command_after_bad_samples_respects_the_rate_limit_counted_from_their_zero(make):
+def test_the_first_command_after_invalid_samples_is_rate_limited_from_zero(make):
     guard = make()
     nothing = jax.tree.map(jnp.zeros_like, begun(guard))
     bad = eqx.tree_at(lambda s: s.q, STATE, STATE.q * jnp.nan)
@@ -207,7 +207,7 @@ def test_the_first_command_after_bad_samples_respects_the_rate_limit_counted_fro
     assert jnp.all(jnp.abs(first.tau) <= rate * PERIOD * (1 + 1e-12))
 
 
-def test_the_rate_is_limited_from_one_command_to_the_next():
+def test_the_torque_rate_is_limited_between_successive_commands():
     guard = guarded(rate=10.0)
     first, _ = step(guard, begun(guard))
     far = State(q=STATE.q, dq=STATE.dq + 1.0)
@@ -216,7 +216,7 @@ def test_the_rate_is_limited_from_one_command_to_the_next():
     np.testing.assert_allclose(jnp.abs(second.tau - first.tau), 10.0 * PERIOD)
 
 
-def test_a_held_command_keeps_a_limit_that_was_lowered_since():
+def test_a_held_command_respects_a_torque_limit_lowered_in_the_meantime():
     guard = guarded()
     memory, t = after_one(guard)
     limit = 0.5 * float(jnp.abs(memory.tau).min())
@@ -227,7 +227,7 @@ def test_a_held_command_keeps_a_limit_that_was_lowered_since():
 
 
 @pytest.mark.full
-def test_absurd_parameters_hold_the_last_command():
+def test_parameters_that_are_nan_hold_the_last_command():
     guard = guarded()
     memory, t = after_one(guard)
     for where, value, condition in (
@@ -250,7 +250,7 @@ def test_absurd_parameters_hold_the_last_command():
         *((0.0, MEASUREMENT_REJECTED.bit), (-3.0, MEASUREMENT_REJECTED.bit)),
     ],
 )
-def test_a_gap_is_reported_and_an_implausible_time_stamp_is_a_lost_sample(periods, condition):
+def test_a_missed_period_is_reported_and_an_implausible_time_stamp_is_rejected(periods, condition):
     guard = guarded()
     memory, _ = after_one(guard)
     command, status = step(guard, memory, t=T + periods * PERIOD)
@@ -261,7 +261,7 @@ def test_a_gap_is_reported_and_an_implausible_time_stamp_is_a_lost_sample(period
 
 
 @pytest.mark.parametrize("make", [guarded, sampled])
-def test_an_impossible_jump_is_held_like_a_lost_sample_and_the_next_good_sample_goes_on(make):
+def test_an_impossible_position_jump_is_rejected_and_the_next_valid_sample_is_accepted(make):
     guard = make()
     memory, t = after_one(guard)
     jump = State(q=STATE.q + jnp.array([2.0, 0.0]), dq=STATE.dq)
@@ -276,7 +276,7 @@ def test_an_impossible_jump_is_held_like_a_lost_sample_and_the_next_good_sample_
 
 @pytest.mark.parametrize("fault", ["NaN", "far", "jumping", "clock stands still"])
 @pytest.mark.parametrize("make", [guarded, sampled])
-def test_the_host_is_asked_to_stop_after_five_held_commands_and_until_the_reset(make, fault):
+def test_a_stop_is_requested_after_five_held_commands_and_stays_requested(make, fault):
     guard = make()
     memory, t = after_one(guard)
     for count in range(1, 8):
@@ -289,7 +289,7 @@ def test_the_host_is_asked_to_stop_after_five_held_commands_and_until_the_reset(
     assert not status & HELD and status & STOP_REQUESTED.bit
 
 
-def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelope_takes_to_settle():
+def test_recovery_is_overdue_once_a_joint_is_outside_for_longer_than_the_deadline():
     guard = sampled()
     guard = eqx.tree_at(
         lambda g: g.controller.step.transformation.performance.deadline, guard, jnp.full(2, 2.5 * PERIOD)
@@ -305,7 +305,7 @@ def test_recovery_is_overdue_once_a_joint_was_outside_for_longer_than_the_envelo
     assert overdue == [False, False, True, True]
 
 
-def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
+def test_the_laws_memory_is_integrated_by_its_rate_over_a_period():
     law = anftsmc_4_2()
     guard = GuardedStep.around(law, TorqueLimits(), PERIOD)
     now = MOTION_4_2.reference(T)
@@ -316,7 +316,7 @@ def test_a_memory_with_a_rate_moves_on_as_in_the_simulation():
     np.testing.assert_allclose(command.memory.law, law.initial + PERIOD * rate)
 
 
-def test_a_law_without_an_envelope_never_leaves_one():
+def test_a_law_without_an_envelope_never_reports_envelope_left():
     guard = GuardedStep.around(computed_torque_4_1(), TorqueLimits(), PERIOD)
     far = State(q=NOW.q + 100.0, dq=NOW.dq)
     assert step(guard, begun(guard, state=far), state=far)[1] == 0
@@ -336,11 +336,11 @@ def test_a_sampled_data_law_shares_its_limits_and_its_period_with_its_guards():
     assert step(loose, memory)[1] == 0
 
 
-def test_the_weight_that_the_arm_bears_before_the_first_command_counts_as_no_limit():
+def test_gravity_torque_at_the_first_command_is_not_reported_as_torque_limited():
     guard = sampled()
     still = Reference(q=NOW.q, dq=jnp.zeros(2), ddq=jnp.zeros(2))
     state = State(q=still.q, dq=still.dq)
-    # Far less than the weight, each period.
+    # Far less than the gravity torque in each period.
     slow = eqx.tree_at(lambda g: g.controller.limits.rate, guard, jnp.full(2, 100.0, float))
     command, status = step(slow, begun(slow, state=state), state=state, now=still, following=still)
     weight = slow.controller.nominal.gravity(state.q)

@@ -37,7 +37,7 @@ def collected(program, steps):
     return int(result[1])
 
 
-def test_memory_of_a_long_run_is_read_at_the_right_offsets(program):
+def test_the_long_run_program_reads_time_and_torque_from_the_laws_memory(program):
     message = subprocess.run([program, "300", "100", "0"], capture_output=True, text=True, check=True).stdout
     lines = [line.split() for line in message.splitlines()]
     assert [int(line[0]) for line in lines] == [100, 200, 300]

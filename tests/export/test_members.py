@@ -37,7 +37,7 @@ class Outer(eqx.Module):
 TREE = Outer(Inner(jnp.array([1.5, 2.0]), jnp.asarray(jnp.inf), jnp.asarray(True)), (jnp.zeros(()), jnp.ones(())))
 
 
-def test_a_member_is_called_by_its_path_and_knows_its_meaning_part_and_default():
+def test_a_c_structure_member_has_its_path_as_name_and_its_meaning_and_part():
     gain, rate, flag, first, second = members(TREE, values=True)
     assert [m.name for m in (gain, rate, flag, first, second)] == [
         "inner_gain", "inner_rate", "inner_flag", "pair_0", "pair_1",
@@ -48,7 +48,7 @@ def test_a_member_is_called_by_its_path_and_knows_its_meaning_part_and_default()
     assert first.meaning == "two of them"
 
 
-def test_parts_of_the_path_without_meaning_are_omitted():
+def test_prefixes_to_strip_are_left_out_of_member_names():
     assert members(TREE, strip=("inner",))[0].name == "gain"
 
 
@@ -58,7 +58,7 @@ def test_two_members_with_the_same_name_are_refused():
         members(twice)
 
 
-def test_declarations_stand_under_their_part_with_aligned_comments():
+def test_c_declarations_are_grouped_by_part_with_aligned_comments():
     lines = declarations(members(TREE.inner, values=True), Dialect())
     assert lines[0] == "/* Inner: A part, eq. (7) */"
     assert lines[1] == "double gain[2]; /* 1.5, 2.0: K and its rate, N m, > 0; in two lines */"
@@ -66,11 +66,11 @@ def test_declarations_stand_under_their_part_with_aligned_comments():
     assert lines[3] == "bool flag;      /* true: whether de counts */"
 
 
-def test_a_comment_is_ascii_and_cannot_end_early():
+def test_a_c_comment_is_ascii_and_cannot_end_early():
     assert comment("`τ = M q̈`, ρ∞ */ and /* x²") == "tau = M ddq, rho_inf * / and / * x^2"
 
 
-def test_a_long_sentence_is_cut_between_its_parts():
+def test_a_long_meaning_is_shortened_at_a_comma():
     assert shorten("one of eq. (3), another, and a third. More.", 40) == "one of eq. (3), another, and a third"
     assert shorten("one of eq. (3), another, and a third", 25) == "one of eq. (3), another"
 
@@ -82,16 +82,16 @@ def test_a_long_sentence_is_cut_between_its_parts():
         (-1e-12, -16 * 2.0**-23),
     ],
 )
-def test_tolerances_and_numbers_next_to_one_keep_their_meaning_in_floats(double, single):
+def test_tolerances_and_constants_near_1_are_adapted_to_single_precision(double, single):
     assert float_constant(double) == pytest.approx(single, rel=1e-12)
 
 
 @pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 0.5, 1e-30, 1e-150, 1e-6, 9.8, 1e9])
-def test_all_other_constants_are_unchanged_in_floats(number):
+def test_other_constants_are_unchanged_in_single_precision(number):
     assert float_constant(number) == number
 
 
-def test_an_argument_counts_as_read_only_as_a_whole_word():
+def test_an_argument_is_unused_unless_its_whole_name_occurs_in_the_code():
     not_read = ["    at[0] = dot(left, q[0]) + then->t;  /* t is the time */"]
     assert with_unused_arguments(not_read, ("t", "q")) == ["    (void)t;", *not_read]
     read = ["    x = 2.0 * t;", "    y = -q[1];"]

@@ -34,7 +34,7 @@ def emulated(folder, target):
 
 
 @needs_a_compiler
-def test_every_golden_sample_is_answered_as_in_python_and_a_wrong_answer_is_found(folder, tmp_path):
+def test_every_golden_sample_is_answered_as_in_python_and_a_wrong_answer_is_detected(folder, tmp_path):
     compiled(COMPILERS[0], folder, "-O1", *LAW, "-o", "hosted", "-lm")
     result = re.fullmatch(r"golden samples: (\d+) of (\d+)\n", run(folder, "./hosted"))
     assert result[1] == result[2] and OF_A_RUN + RANDOM < int(result[2]) <= OF_A_RUN + RANDOM + BAD
@@ -65,13 +65,13 @@ def test_emulated_law_agrees_with_python_and_reports_stack_and_instructions(fold
 
 @pytest.mark.full
 @pytest.mark.parametrize("target", ["m4f", "m7", "rv64"])
-def test_a_sampled_data_law_in_floats_agrees_to_their_precision(target, tmp_path):
+def test_an_emulated_law_in_single_precision_answers_every_golden_sample(target, tmp_path):
     export_micro(load("example-4.1-1khz"), tmp_path, name="law", single=True)
     passed, of = map(int, re.search(r"golden samples: (\d+) of (\d+)", emulated(tmp_path, target)).groups())
     assert passed == of > OF_A_RUN
 
 
-def test_the_sources_are_complete_ascii(folder):
+def test_the_bare_metal_sources_are_complete_and_ascii(folder):
     names = {path.name for path in folder.iterdir() if path.is_file() and path.suffix not in ("", ".bin")}
     assert {"slidax_law.c", "slidax_law.h", "bare.c", "cortex_m.c", "riscv.S", "mps2.ld", "virt.ld"} <= names
     for path in folder.iterdir():

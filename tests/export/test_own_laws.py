@@ -1,4 +1,4 @@
-"""Laws from outside of the package: simulated, linearised, and exported to C that answers as Python does."""
+"""User-defined laws: simulated, linearised, and exported to C that answers as Python does."""
 
 import math
 import random
@@ -30,7 +30,7 @@ def scenario_of(law):
 
 @needs_a_compiler
 @pytest.mark.parametrize("law", LAWS)
-def test_a_law_from_outside_answers_in_c_as_in_python(law, tmp_path):
+def test_a_user_defined_law_answers_in_c_as_in_python(law, tmp_path):
     scenario = scenario_of(law)
     exported = Exported(scenario, tmp_path)
     guard = exported.project.guard
@@ -43,7 +43,7 @@ def test_a_law_from_outside_answers_in_c_as_in_python(law, tmp_path):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_law_from_outside_tracks_in_simulation(law):
+def test_a_user_defined_law_tracks_in_simulation(law):
     simulated = scenario_of(law).simulate()
     assert simulated.outcome.ok, simulated.outcome.message
     assert np.all(np.asarray(steady_error(simulated)) < 0.05)
@@ -59,7 +59,7 @@ def sampled():
 
 
 @needs_a_compiler
-def test_c_project_of_a_law_from_outside_answers_golden_samples_and_loads_in_python(sampled, tmp_path):
+def test_c_project_of_a_user_defined_law_answers_golden_samples_and_loads_in_python(sampled, tmp_path):
     project = export_c(sampled, str(tmp_path), name="law")
     assert repr(project).startswith("C project `law`: PDPlus on two_link in doubles, at most ")
     sources = ("slidax_law.c", "slidax_law_scenario.c", "test_law.c")
@@ -71,14 +71,14 @@ def test_c_project_of_a_law_from_outside_answers_golden_samples_and_loads_in_pyt
     assert law[kp].tolist() == 400.0
 
 
-def test_the_loop_of_a_law_from_outside_has_margins(sampled):
+def test_the_loop_of_a_user_defined_law_has_stability_margins(sampled):
     loop = linearise(sampled, at=1.0)
     assert loop.stable
     for margins in loop.margins("torque"):
         assert margins.gain_up > 1.5 and margins.phase > 30.0
 
 
-def test_failure_rate_of_a_law_from_outside_has_an_interval(sampled):
+def test_failure_rate_of_a_user_defined_law_has_a_confidence_interval(sampled):
     masses = np.random.default_rng(1).uniform(0.8, 1.2, (200, 2)) * np.array([0.5, 1.5])
 
     def heavier(scenario, masses):
@@ -255,7 +255,7 @@ def test_untraceable_code_is_named_with_its_line_and_remedy(law, tmp_path):
 
 
 class Strange(Wrong):
-    """Integer memory, random numbers, a scan and an error function: what the tracer can do."""
+    """Integer memory, random numbers, a scan and an error function, all of which the tracer supports."""
 
     def init(self, t, state, reference):
         return jnp.zeros((), int)
@@ -269,7 +269,7 @@ class Strange(Wrong):
 
 
 @needs_a_compiler
-def test_integers_random_numbers_scans_and_special_functions_run_everywhere(tmp_path):
+def test_laws_with_integers_random_numbers_and_scans_agree_in_all_engines_and_c(tmp_path):
     scenario = scenario_of(Strange).replace(t1=0.3)
     native, xla = (scenario.replace(engine=engine).simulate() for engine in ("native", "xla"))
     np.testing.assert_allclose(native.log.tau, xla.log.tau, rtol=1e-8)
@@ -286,6 +286,6 @@ class Undefined(Wrong):
         return e * jnp.sqrt(-1.0 - e * e)
 
 
-def test_a_torque_that_is_no_number_at_the_start_is_named():
+def test_a_torque_that_is_nan_at_the_start_ends_the_run_with_an_explanation():
     run = scenario_of(Undefined).replace(t1=0.1).simulate()
     assert run.outcome.kind == "not_finite" and "roots and logarithms" in run.outcome.message

@@ -72,7 +72,7 @@ def test_an_infinite_limit_is_valid_where_it_means_no_limit(guard):
 
 @needs_a_compiler
 @pytest.mark.parametrize("which", ["limits_torque", pytest.param("", marks=pytest.mark.full)])
-def test_an_invalid_parameter_holds_the_command_and_is_reported(guard, which, tmp_path):
+def test_an_invalid_parameter_at_run_time_is_reported_and_the_torque_stays_finite(guard, which, tmp_path):
     scenario = load("example-4.1-1khz")
     exported = Exported(scenario, tmp_path)
     samples = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, 8, seed=5)
@@ -97,7 +97,7 @@ def test_an_invalid_parameter_holds_the_command_and_is_reported(guard, which, tm
 
 @needs_a_compiler
 @pytest.mark.parametrize("option", ["-ffast-math", "-Ofast", "-ffinite-math-only"])
-def test_a_compiler_that_drops_the_guards_is_refused(option, tmp_path):
+def test_compiler_options_that_disable_nan_checks_are_refused(option, tmp_path):
     law = project(load("example-4.1"), name="law", with_golden=False)
     write_files(law, tmp_path, STEP)
     command = [COMPILERS[0], "-std=c99", "-c", "slidax_law.c"]

@@ -38,7 +38,7 @@ PLANS = {}
 
 @pytest.fixture(autouse=True, scope="module")
 def _plans_are_made_once():
-    """To trace a law takes seconds, and all of these have the same."""
+    """Tracing a law takes seconds, and all these tests use the same law."""
     patch = pytest.MonkeyPatch()
     for module in ("lockstep", "real_time_loop"):
         user = import_module(f"slidax.export.{module}")
@@ -76,7 +76,7 @@ def log(tmp_path_factory):
 
 
 @pytest.mark.parametrize("transport", [pytest.param(0, marks=pytest.mark.full), 1])
-def test_a_loop_without_delays_equals_the_simulated_run(transport):
+def test_a_lockstep_loop_without_delays_equals_the_simulated_run(transport):
     run, result = simulated(), stepped() if transport else lockstep(scenario(), len(simulated().log.t))
     np.testing.assert_allclose(result.arm["true_q"], run.log.state.q, atol=1e-12)
     np.testing.assert_allclose(result.arm["set_tau"], run.log.tau, atol=1e-8)
@@ -98,7 +98,7 @@ def test_a_loop_without_delays_equals_the_simulated_run(transport):
     ],
     ids=["later", "between samples", "lossy", "dead time", "mujoco"],
 )
-def test_the_loop_equals_the_run_for_every_sensor_drive_and_arm(name, changes):
+def test_the_lockstep_loop_equals_the_simulated_run_with_delays_losses_and_mujoco(name, changes):
     if "simulation.plant" in changes:
         pytest.importorskip("mujoco")
     item = sx.scenarios.load(name, {"simulation.t1": T1, **changes})
@@ -141,7 +141,7 @@ def test_a_delayed_command_counts_as_a_lost_sample_for_the_law():
     assert law["basis"][[50, 51, 52, 53, 54]].tolist() == [49, 49, 49, 49, 53]
 
 
-def test_replay_of_a_log_has_the_same_bits_and_of_a_changed_log_other_ones(log):
+def test_replay_of_a_log_is_bitwise_equal_and_detects_a_changed_torque(log):
     message = answer_of("replay", str(log))
     assert message["first"] is None and message["same"] == message["answers"] == len(simulated().log.t)
     # The last digit of one torque.
@@ -154,7 +154,7 @@ def test_replay_of_a_log_has_the_same_bits_and_of_a_changed_log_other_ones(log):
 
 
 @pytest.mark.full
-def test_a_changed_measurement_changes_the_laws_memory_from_there_on(log):
+def test_replay_differs_from_a_changed_measurement_on(log):
     read = read_mcap(log)
     q = read.law["q"].copy()
     q[200, 0] += 1e-9
@@ -163,14 +163,14 @@ def test_a_changed_measurement_changes_the_laws_memory_from_there_on(log):
 
 
 @pytest.mark.full
-def test_replay_does_not_compare_answers_after_a_lost_one(log):
+def test_replay_does_not_compare_answers_after_a_lost_answer(log):
     read = read_mcap(log)
     kept = np.arange(len(read.law["k"])) != 300
     result = replay(replace(read, law={name: column[kept] for name, column in read.law.items()}))
     assert (result.same, result.first) == (300, None) and result.unknown == kept.sum() - 300
 
 
-def test_a_log_is_explained_and_identified_as_the_run(log):
+def test_explain_and_read_log_give_the_signals_of_the_run_from_a_loop_log(log):
     done = in_process("explain", str(log), code=0)
     assert "Nothing to explain" in done.output
     _, columns, each = read_saved(log)
@@ -183,17 +183,17 @@ def test_a_log_is_explained_and_identified_as_the_run(log):
     np.testing.assert_allclose(read.tau[1:], simulated().log.tau[:-1], atol=1e-8)
 
 
-def test_a_run_is_logged_with_the_inputs_of_the_step(tmp_path):
+def test_slidax_run_logs_the_measurements_and_torques_that_the_step_reads(tmp_path):
     pytest.importorskip("foxglove")
     in_process("run", NAME, "--set", f"simulation.t1={T1}", "--out", str(tmp_path / "x.mcap"), code=0)
     read = read_mcap(tmp_path / "x.mcap")
-    # A measurement is one period old, and with it comes the torque that the drives set then.
+    # A measurement is one period old, and includes the torque that the drives applied at that time.
     np.testing.assert_allclose(read.law["q"][1:], read.arm["true_q"][:-1], atol=1e-12)
     np.testing.assert_array_equal(read.law["effort"][1:], read.arm["set_tau"][:-1])
     assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
 
 
-def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
+def test_a_real_time_loop_logs_each_tick_and_its_replay_is_bitwise_equal(tmp_path):
     pytest.importorskip("foxglove")
     log, picture = tmp_path / "log.mcap", tmp_path / "latency.svg"
     where = ("--out", str(log), "--histogram", str(picture))
@@ -212,7 +212,7 @@ def test_in_real_time_the_log_has_each_tick_and_gives_the_same_bits(tmp_path):
 
 
 def test_arm_brakes_when_the_law_requests_a_stop():
-    """The gate takes every motion of this arm for a fault of its sensor."""
+    """With this speed limit, the gate rejects every motion of the arm as a sensor fault."""
     done = in_process(
         "loop", NAME, "--set", "scheme.sampled_data.gate.speed=0.02", "--time", "20", "--patience", "500", code=3
     )
@@ -220,7 +220,7 @@ def test_arm_brakes_when_the_law_requests_a_stop():
 
 
 @pytest.mark.full
-def test_when_the_arm_is_killed_the_law_ends(tmp_path):
+def test_the_law_process_ends_when_the_arm_process_is_killed(tmp_path):
     killed = threading.Thread(target=_kill, args=("arm",))
     killed.start()
     done = run_loop(scenario(**{"simulation.t1": 20.0}), patience=200)
@@ -230,7 +230,7 @@ def test_when_the_arm_is_killed_the_law_ends(tmp_path):
 
 
 @pytest.mark.full
-def test_when_the_law_is_killed_the_arm_brakes_and_the_log_is_complete(tmp_path):
+def test_the_arm_brakes_and_logs_it_when_the_law_process_is_killed(tmp_path):
     pytest.importorskip("foxglove")
     killed = threading.Thread(target=_kill, args=("law",))
     killed.start()
@@ -240,7 +240,7 @@ def test_when_the_law_is_killed_the_arm_brakes_and_the_log_is_complete(tmp_path)
     read = read_mcap(tmp_path / "log.mcap")
     braking = read.arm["braking"].astype(bool)
     assert braking.any() and read.arm["missing"][braking].min() == 201
-    # The disturbance goes on pushing.
+    # The disturbance continues to act.
     assert np.abs(read.arm["true_dq"][-1]).max() < 0.02 and replay(read).first is None
 
 

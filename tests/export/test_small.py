@@ -27,7 +27,7 @@ def panda(tmp_path_factory):
 
 
 def deepest(folder):
-    """Bytes of the stack on the worst path through the calls, as gcc says."""
+    """Bytes of the stack on the worst path through the calls, as gcc reports."""
     text = (folder / "law.ci").read_text()
     own = {name: int(size) for name, size in NODE.findall(text)}
     calls = {}
@@ -40,7 +40,7 @@ def deepest(folder):
     return below("slidax_law_step")
 
 
-def test_the_c_code_is_short_and_shares_functions(panda):
+def test_the_c_code_of_a_panda_has_under_3400_lines_and_shares_functions(panda):
     folder, exported_law = panda
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400
@@ -51,13 +51,13 @@ def test_the_c_code_is_short_and_shares_functions(panda):
     assert all(len(line) <= 140 for line in text.splitlines())
 
 
-def test_every_loop_and_the_number_of_operations_are_bounded(panda):
+def test_every_loop_and_the_operation_count_of_an_exported_step_are_bounded(panda):
     _, exported_law = panda
     program = exported_law.step.answered.program
     every = [value for item in (program, *functions(program)) for value in item.walk() if isinstance(value, Loop)]
     assert {count_iterations(loop) for loop in every} >= {SEARCH_OF_S, SEARCH_OF_PLAN - 1}
     assert all(count_iterations(loop) is not None for loop in every)
-    # Were each search to go on to its end, it would be some three steps of the usual length.
+    # If each search took its largest number of iterations, a step would take about three times as long.
     assert (
         exported_law.longest.operations < 200_000 and f"{exported_law.longest.operations}" in exported_law.longest_text
     )

@@ -1,4 +1,4 @@
-"""An exported law that follows positions from a host: its filter is that of the simulation."""
+"""An exported law that follows positions from a host, with the reference filter of the simulation."""
 
 import ctypes
 
@@ -19,7 +19,7 @@ RATE, PER_MESSAGE = 50.0, 20
 
 
 def message(k):
-    """The host's positions at its sample k, as the file has them."""
+    """Positions that the host sends at its sample k."""
     t = k / RATE
     return [round(-0.4 + 0.3 * np.sin(2 * t) * min(t, 1.0), 6), round(2.5 - 0.2 * t, 6)]
 
@@ -39,7 +39,7 @@ def folder(scenario, tmp_path_factory):
     return folder
 
 
-def test_the_exported_filter_makes_the_motion_of_the_simulation(scenario, folder):
+def test_the_exported_reference_filter_gives_the_motion_of_the_simulation(scenario, folder):
     law, period = sx.load_export(folder), scenario.period
     wanted = np.array([message(0), [0.0, 0.0], [0.0, 0.0]])
     for k in range(1200):
@@ -51,7 +51,7 @@ def test_the_exported_filter_makes_the_motion_of_the_simulation(scenario, folder
     assert np.isfinite(tau).all() and not law.conditions(status)
 
 
-def test_a_reset_law_begins_at_rest_where_the_arm_is(folder):
+def test_a_reset_law_starts_its_reference_at_rest_at_the_measured_position(folder):
     law = sx.load_export(folder)
     for k in range(50):
         law.follow(1e-3 * k, [0.0, 1.0], [0.0, 0.0], [1.0, 2.0])
@@ -60,7 +60,7 @@ def test_a_reset_law_begins_at_rest_where_the_arm_is(folder):
     assert wanted.tolist() == [[0.3, 1.2], [0.0, 0.0], [0.0, 0.0]]
 
 
-def test_a_law_without_a_stream_says_so(tmp_path):
+def test_follow_is_refused_for_a_law_without_a_streamed_reference(tmp_path):
     export_c(scenarios.load("example-4.1-1khz"), tmp_path, name="law", golden=False)
     with pytest.raises(DefinitionError, match="whose motion is `streamed`"):
         sx.load_export(tmp_path).follow(0.0, [0.0, 0.0], [0.0, 0.0])
@@ -68,7 +68,7 @@ def test_a_law_without_a_stream_says_so(tmp_path):
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_the_filter_in_c_keeps_its_limits_and_compiles_strictly(scenario, single, tmp_path):
+def test_the_reference_filter_in_c_keeps_its_velocity_and_acceleration_limits(scenario, single, tmp_path):
     export_c(scenario, tmp_path, name="law", golden=False, single=single)
     driver = """
     #include "slidax_law_stream.h"

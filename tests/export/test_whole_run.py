@@ -86,7 +86,7 @@ def test_run_of_example_4_1_in_c_is_that_of_python_to_1e_9_over_100_000_steps(tm
     np.testing.assert_allclose(tau, log.tau, rtol=0, atol=1e-6)
 
 
-def test_loop_in_c_moves_the_tool_as_that_of_python(tmp_path):
+def test_the_loop_in_c_moves_the_tool_along_the_path_as_in_python(tmp_path):
     file = tmp_path / "path.yaml"
     file.write_text(TOOL_PATH, encoding="utf-8")
     scenario = load(file)
@@ -96,7 +96,7 @@ def test_loop_in_c_moves_the_tool_as_that_of_python(tmp_path):
     np.testing.assert_allclose(q, ours.log.state.q, rtol=0, atol=1e-9)
     actual, desired = tip_paths(scenario.plant.robot, ours)
     assert tool_error(ours) == pytest.approx(np.linalg.norm(actual - desired, axis=1).max())
-    # The path itself: the commanded line, and back to the start of the circle.
+    # The path: the commanded line, then a full circle back to its start.
     line = desired[:601] - desired[0]
     along = line @ np.array([-0.2, 0.1, 0.0]) / 0.05
     assert np.abs(line - along[:, None] * np.array([-0.2, 0.1, 0.0])).max() < 2e-6

@@ -56,8 +56,8 @@ def test_chunk_that_unpacks_to_more_than_its_stated_size_is_refused(tmp_path, co
         read_log(path, JOINTS)
 
 
-def test_damage_within_a_chunk_is_found_by_its_checksum(tmp_path):
-    """A flipped bit in a number would otherwise be another measurement."""
+def test_an_mcap_log_is_read_up_to_a_chunk_with_a_wrong_checksum(tmp_path):
+    """Without a checksum, a flipped bit would change a measurement unnoticed."""
     from mcap.writer import CompressionType, Writer
 
     whole = bag_mcap(chunked=True)
@@ -85,7 +85,7 @@ def read_log_of(tmp_path, body):
     return read_log(tmp_path / "a.mcap", JOINTS)
 
 
-def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path, monkeypatch):
+def test_parquet_with_more_values_than_the_limit_is_refused(tmp_path, monkeypatch):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(parquet, "MOST_NUMBERS", parquet.MOST_NUMBERS // 100)
     zeros = pa.array([0.0] * 10_000)
@@ -100,7 +100,7 @@ def test_parquet_that_announces_billions_of_rows_is_refused(tmp_path, monkeypatc
 TITLES = ("time", "q_1", "q_2", "tau_1", "tau_2")
 
 
-def test_size_of_parquet_lists_counts_all_their_entries(tmp_path, monkeypatch):
+def test_parquet_lists_with_too_many_entries_are_refused(tmp_path, monkeypatch):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(parquet, "MOST_NUMBERS", 100_000)
     columns = {"time": np.arange(300.0), "position": [[0.0] * 500] * 300, "effort": [[0.0] * 500] * 300}
@@ -110,7 +110,7 @@ def test_size_of_parquet_lists_counts_all_their_entries(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["string", "binary", "struct<x: int64>", "list<element: double>", "dictionary"])
-def test_saved_run_with_a_column_that_is_not_numeric_is_refused_unread(tmp_path, kind):
+def test_a_saved_run_with_a_column_that_is_not_numeric_is_refused(tmp_path, kind):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     text = pa.array(["a" * 1000] * 20)
     column = {"struct<x: int64>": [{"x": 1}] * 20, "list<element: double>": [[1.0, 2.0]] * 20, "string": text}.get(kind)
@@ -143,7 +143,7 @@ def test_saved_run_with_a_column_that_is_not_numeric_is_refused_unread(tmp_path,
     ],
     ids=["brackets", "braces", "list", "400 digits", "5000 digits", "line", "field", "title", "zero", "columns"],
 )
-def test_large_log_without_data_is_refused_in_one_short_line(tmp_path, name, content):
+def test_a_large_malformed_log_is_refused_with_a_short_message(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DefinitionError) as error:
         read_log(tmp_path / name, JOINTS)
@@ -163,6 +163,6 @@ def test_joint_trajectory_with_a_number_of_many_digits_is_refused(number, place)
         sx.motions.Tabulated.from_joint_trajectory(message)
 
 
-def test_joint_trajectory_of_brackets_is_refused():
+def test_a_deeply_nested_joint_trajectory_is_refused():
     with pytest.raises(DefinitionError, match="nested too deeply"):
         sx.motions.Tabulated.from_joint_trajectory('{"points": ' + "[" * 200_000)

@@ -33,7 +33,7 @@ def place(tmp_path, reader):
 
 @pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.name.replace(" ", "-"))
 @pytest.mark.parametrize("kind", ["pipe", "device", "large"])
-def test_endless_device_file_is_refused(tmp_path, reader, kind):
+def test_a_pipe_a_device_or_a_huge_file_is_refused(tmp_path, reader, kind):
     path = place(tmp_path, reader)
     if kind == "pipe":
         os.mkfifo(path)
@@ -64,7 +64,7 @@ def test_scenario_does_not_read_a_device_as_its_motion(tmp_path, named):
         '<asset><model name="m" file="pipe.xml"/></asset>',
     ],
 )
-def test_reading_mjcf_does_not_wait_for_a_pipe_that_the_file_names(tmp_path, part):
+def test_an_mjcf_file_that_names_a_pipe_is_refused_without_waiting(tmp_path, part):
     pytest.importorskip("mujoco")
     os.mkfifo(tmp_path / "pipe.xml")
     text = example("robots/two_link.xml")().decode()

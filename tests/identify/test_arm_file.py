@@ -76,7 +76,7 @@ def test_a_file_that_is_no_robot_is_refused(tmp_path, text, words):
         sx.scenarios.load("ur5e-payload", {"robot.kind": "identified", "robot.file": str(tmp_path / "arm.yaml")})
 
 
-def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_path, monkeypatch):
+def test_excite_writes_a_motion_and_identify_writes_an_arm_file_from_a_log(tmp_path, monkeypatch):
     from slidax.identify import excitation
 
     monkeypatch.setattr(excitation, "STARTS", 3)
@@ -112,6 +112,6 @@ def test_the_commands_go_from_a_robot_to_a_motion_and_from_a_log_to_an_arm(tmp_p
         (("excite", "ur5e", "--out", "no/such/motion.csv", "--share", "2"), "`share`"),
     ],
 )
-def test_invalid_commands_print_one_line(command, words):
+def test_invalid_identify_and_excite_commands_print_a_single_line_and_exit_with_2(command, words):
     result = in_process(*command)
     assert result.exit_code == 2 and words in result.output and len(result.output.strip().splitlines()) == 1

@@ -109,7 +109,7 @@ def assert_read(log, *notes):
         assert words in note
 
 
-def test_joints_are_found_by_their_names(tmp_path):
+def test_joint_states_of_a_bag_are_assigned_by_joint_names(tmp_path):
     log = read_log(bag(tmp_path, arm_messages(sorted(ARM), dq=TAU)), ARM)
     assert_read(log)
     np.testing.assert_array_equal(log.dq, TAU)
@@ -123,13 +123,13 @@ GRIPPER = {"/joint_states": [joint_state(t, ["finger1"], [0.0], (), [0.0]) for t
     [("/robot1/joint_states", {}, str), ("/arm/joint_states", GRIPPER, str), ("/arm/joint_states", GRIPPER, str.upper)],
     ids=["only topic", "among others", "in another case"],
 )
-def test_topic_that_has_the_arms_joints_is_taken(tmp_path, topic, others, case):
+def test_the_topic_with_the_arms_joints_is_read_automatically(tmp_path, topic, others, case):
     arm = [joint_state(t, [case(name) for name in ARM], Q[k], (), TAU[k]) for k, t in enumerate(T)]
     path = write_mcap(tmp_path / "a.mcap", {**others, topic: arm})
     assert_read(read_log(path, ARM), f"reading topic `{topic}`")
 
 
-def test_several_topics_with_the_arms_joints_need_a_choice(tmp_path):
+def test_several_topics_with_the_arms_joints_are_refused_unless_a_topic_is_chosen(tmp_path):
     topics = {"/left/joint_states": arm_messages(q=Q + 1), "/right/joint_states": arm_messages()}
     path = write_mcap(tmp_path / "a.mcap", topics)
     with pytest.raises(DefinitionError, match=r"2 topics, `/left/joint_states`, `/right/joint_states`.*--topic"):
@@ -137,7 +137,7 @@ def test_several_topics_with_the_arms_joints_need_a_choice(tmp_path):
     assert_read(read_log(path, ARM, topic="/right/joint_states"))
 
 
-def test_missing_topic_is_refused_with_the_existing_ones(tmp_path):
+def test_a_missing_topic_is_refused_with_the_existing_topics(tmp_path):
     path = bag(tmp_path, arm_messages())
     with pytest.raises(DefinitionError, match="did you mean `/joint_states`"):
         read_log(path, ARM, topic="/joint_state")
@@ -154,7 +154,7 @@ def test_messages_of_another_publisher_are_left_out(tmp_path):
     assert_read(read_log(bag(tmp_path, mixed), ARM), f"60 of {K + 60} messages come from another publisher")
 
 
-def test_driver_that_fills_in_torques_of_0_is_refused(tmp_path):
+def test_a_bag_in_which_all_torques_are_zero_is_refused(tmp_path):
     path = write_mcap(tmp_path / "log.mcap", {"/joint_states": arm_messages(tau=0.0 * TAU)})
     result = in_process("identify", str(path), "--robot", "tests/identify/three_link.urdf")
     assert result.exit_code == 2
@@ -170,13 +170,13 @@ def test_joints_of_a_gripper_in_the_same_message_are_left_out_and_named(tmp_path
     assert_read(read_log(bag(tmp_path, messages), ARM), "no joint `finger1`, `finger2`: left out")
 
 
-def test_names_in_another_case_are_the_arms_joints(tmp_path):
+def test_joint_names_match_regardless_of_case_and_underscores(tmp_path):
     names = ("Wrist", "SHOULDER", "el_bow")
     messages = [joint_state(t, names, Q[k, [2, 0, 1]], (), TAU[k, [2, 0, 1]]) for k, t in enumerate(T)]
     assert_read(read_log(bag(tmp_path, messages), ARM))
 
 
-def test_missing_joints_are_named(tmp_path):
+def test_joints_missing_in_a_bag_are_named_in_the_error(tmp_path):
     messages = [joint_state(t, ARM[:1], Q[k, :1], (), TAU[k, :1]) for k, t in enumerate(T)]
     path = bag(tmp_path, messages)
     with pytest.raises(DefinitionError, match="there is no joint `elbow`, `wrist`"):
@@ -193,7 +193,7 @@ def test_velocities_are_left_out_if_they_are_zero_or_dropped(tmp_path, dq, drop,
     assert_read(log, note)
 
 
-def test_bag_that_breaks_off_is_read_with_a_note(tmp_path):
+def test_a_truncated_bag_is_read_with_a_note(tmp_path):
     body = bag(tmp_path, arm_messages()).read_bytes()
     (tmp_path / "b.mcap").write_bytes(body[: int(0.9 * len(body))])
     log = read_log(tmp_path / "b.mcap", ARM)
@@ -202,7 +202,7 @@ def test_bag_that_breaks_off_is_read_with_a_note(tmp_path):
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("form", ["listed", "without metadata", "metadata damaged", "packed"])
-def test_folder_of_ros2_bag_is_read(tmp_path, storage, form):
+def test_the_files_of_a_ros2_bag_folder_are_read_in_their_recorded_order(tmp_path, storage, form):
     """Two files, whose names are in the wrong order alphabetically."""
     folder = tmp_path / "bag"
     folder.mkdir()

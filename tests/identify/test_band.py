@@ -77,13 +77,13 @@ def relative(arm, parameters, error, q):
 
 
 def random_errors(arm, count, seed=0):
-    """Errors of a size that is alike in all torques."""
+    """Random parameter errors with a similar effect on all torques."""
     base, scale = base_parameters(arm)
     return (np.random.default_rng(seed).normal(size=(count, base.shape[1])) @ base.T) * scale * 1e-2
 
 
 @pytest.mark.parametrize("name", ["three_link", "ur5e", "panda"])
-def test_mass_bound_is_never_exceeded_and_nearly_attained(name):
+def test_mass_matrix_error_bound_is_not_exceeded_and_at_most_half_too_large(name):
     arm = arm_with_drives(name)
     parameters, errors = arm_parameters(arm), random_errors(arm, 3)
     bounds = MassBound(arm, parameters).of(errors)
@@ -102,13 +102,13 @@ def test_mass_bound_is_never_exceeded_and_nearly_attained(name):
         assert bound <= 1.5 * largest
 
 
-def test_mass_bound_of_a_scaled_arm_is_the_scale():
+def test_mass_matrix_error_bound_of_a_scaled_arm_is_its_scale_error():
     arm = arm_with_drives("ur5e")
     parameters = arm_parameters(arm)
     np.testing.assert_allclose(MassBound(arm, parameters).of(0.03 * parameters[None]), 0.03, rtol=0.03)
 
 
-def test_mass_bound_is_homogeneous_and_monotone_in_refinement():
+def test_mass_matrix_error_bound_scales_with_the_error_and_refinement_does_not_increase_it():
     arm = arm_with_drives("panda")
     bound, errors = MassBound(arm, arm_parameters(arm)), random_errors(arm, 5)
     np.testing.assert_allclose(bound.of(3.0 * errors), 3.0 * bound.of(errors), rtol=1e-6)
@@ -117,7 +117,7 @@ def test_mass_bound_is_homogeneous_and_monotone_in_refinement():
 
 
 @pytest.mark.parametrize("name", ["three_link", "ur5e", "panda"])
-def test_unidentifiable_parameters_do_not_change_the_mass_bound(name):
+def test_unidentifiable_parameters_do_not_change_the_mass_matrix_error_bound(name):
     arm = arm_with_drives(name)
     base, scale = base_parameters(arm)
     rng = np.random.default_rng(2)
@@ -128,7 +128,7 @@ def test_unidentifiable_parameters_do_not_change_the_mass_bound(name):
     assert MassBound(arm, arm_parameters(arm)).of(hidden).max() < 1e-8
 
 
-def test_mass_bound_holds_for_sliding_joints_and_in_the_plane():
+def test_mass_matrix_error_bound_holds_for_a_planar_arm_with_a_prismatic_joint():
     scara = planar_arm_with_a_slide()
     parameters = arm_parameters(scara)
     errors = random_errors(scara, 20)
@@ -139,13 +139,13 @@ def test_mass_bound_holds_for_sliding_joints_and_in_the_plane():
         assert size <= bound * (1.0 + 1e-9) and bound <= 1.3 * size
 
 
-def test_an_arm_without_mass_has_no_mass_bound():
+def test_a_mass_matrix_error_bound_of_an_arm_without_mass_is_refused():
     arm = arm_with_drives("ur5e")
     with pytest.raises(DefinitionError, match="no mass or no inertia"):
         MassBound(arm, 0.0 * arm_parameters(arm))
 
 
-def test_parameters_of_an_arm_have_its_torque():
+def test_inertial_regressor_times_arm_parameters_is_the_arms_torque():
     arm = arm_with_drives("panda")
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 7))
     torque = arm.mass(as_array(q)) @ ddq + arm.bias(as_array(q), as_array(dq))
@@ -153,7 +153,7 @@ def test_parameters_of_an_arm_have_its_torque():
     np.testing.assert_allclose(row @ arm_parameters(arm), torque, rtol=1e-9)
 
 
-def test_errors_of_a_payload_are_errors_of_the_link_that_carries_it():
+def test_payload_errors_bound_the_torque_by_the_radius_of_their_confidence_ellipsoid():
     arm = arm_with_drives("panda")
     names = tuple(f"payload.{k}" for k in range(BODY))
     payload = arm.payload
@@ -162,7 +162,7 @@ def test_errors_of_a_payload_are_errors_of_the_link_that_carries_it():
     band = band_of(arm, estimate)
     motion = JointMotion(*np.random.default_rng(0).normal(size=(3, 20, 7)))
     rows = payload_regressor(arm, motion) * 0.01 * own.max()
-    # In all of its ten directions, the bound is the radius times that of one standard error.
+    # With errors in ten directions, the bound is the radius times the torque of one standard error.
     ratio = band.torque_error(arm, motion) / np.linalg.norm(rows, axis=2)
     np.testing.assert_allclose(ratio[:, 1:], ratio[0, 1], rtol=1e-6)
     assert ratio[0, 1] ** 2 == pytest.approx(stats.chi2(10).ppf(0.95), rel=0.15)
@@ -197,7 +197,7 @@ def three_link():
     return arm, estimate, band_of(arm, estimate)
 
 
-def test_statements_of_a_band_hold_jointly_with_its_probability(three_link):
+def test_all_bounds_of_an_identified_band_hold_jointly_in_95_percent_of_draws(three_link):
     arm, estimate, band = three_link
     n, count = arm.joints, 1500
     factor = np.linalg.cholesky(estimate.covariance)
@@ -214,7 +214,7 @@ def test_statements_of_a_band_hold_jointly_with_its_probability(three_link):
     assert abs(holds.mean() - 0.95) < 0.02
 
 
-def test_torque_error_is_the_largest_over_the_ellipsoid(three_link):
+def test_torque_error_of_a_band_is_the_largest_over_its_ellipsoid(three_link):
     arm, _, band = three_link
     rng = np.random.default_rng(0)
     motion = JointMotion(*rng.normal(size=(3, 30, arm.joints)))
@@ -279,13 +279,13 @@ def covered(result, arm):
 
 
 @pytest.mark.full
-def test_true_arm_lies_in_the_band_of_93_to_99_of_100_logs():
+def test_true_arm_lies_in_the_band_of_93_to_99_percent_of_200_logs():
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     inside = [covered(identify(log_of(arm, seed), known, links=True), arm) for seed in range(200)]
     assert 0.93 <= np.mean(inside) <= 0.99
 
 
-def test_true_arm_lies_in_the_band_of_a_few_logs():
+def test_true_arm_lies_in_the_band_of_at_least_two_of_three_logs():
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     results = [identify(log_of(arm, seed), known, links=True) for seed in (1, 2, 3)]
     assert sum(covered(result, arm) for result in results) >= 2

@@ -1,4 +1,4 @@
-"""Motions that show an arm's numbers."""
+"""Excitation motions for the identification of an arm."""
 
 import numpy as np
 import pytest
@@ -23,35 +23,35 @@ def motion():
         return excite(ARM, seed=1, duration=10.0, payload=LOAD, share=0.7)
 
 
-def test_excitation_begins_and_ends_at_rest_at_one_place(motion):
+def test_excitation_begins_and_ends_at_rest_in_the_same_posture(motion):
     for part in (motion.motion.dq, motion.motion.ddq):
         np.testing.assert_allclose(part[[0, -1]], 0.0, atol=1e-12)
     np.testing.assert_allclose(motion.motion.q[0], motion.motion.q[-1], atol=1e-12)
 
 
-def test_positions_velocities_and_torques_keep_their_share_of_the_limits(motion):
+def test_excitation_keeps_position_limits_and_its_share_of_velocity_and_torque_limits(motion):
     limits, q = ARM.limits, motion.motion.q
     assert (q >= np.asarray(limits.lower)).all() and (q <= np.asarray(limits.upper)).all()
     assert (np.abs(motion.motion.dq) <= 0.7 * np.asarray(limits.velocity) * (1 + 1e-9)).all()
     torque = rigid_torque(ARM, motion.motion, parameters_of_links(ARM), parameters_of_payload(LOAD))
     assert (np.abs(torque) <= 0.7 * np.asarray(limits.torque) * (1 + 1e-9)).all()
-    # Each joint is as fast as something allows.
+    # Each joint reaches one of its limits.
     assert (motion.share[:3].max(axis=0) > 0.7 * 0.98).all()
 
 
-def test_velocity_is_the_derivative_of_the_position(motion):
+def test_excitation_velocity_is_the_derivative_of_its_position(motion):
     slope = np.gradient(motion.motion.q, motion.t, axis=0)[2:-2]
     np.testing.assert_allclose(slope, motion.motion.dq[2:-2], atol=0.02)
 
 
-def test_a_scenario_reads_the_excitation_file(motion, tmp_path):
+def test_the_excitation_file_is_read_as_a_tabulated_motion(motion, tmp_path):
     motion.write(tmp_path / "motion.csv")
     read = Tabulated.from_csv(tmp_path / "motion.csv", joints=list(ARM.joint_names), velocity=ARM.limits.velocity)
     assert float(read.until) == pytest.approx(10.0)
     np.testing.assert_allclose(read.position(as_array(motion.t[37])), motion.motion.q[37], atol=1e-8)
 
 
-def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_seed(motion):
+def test_excitation_is_more_informative_than_random_motions(motion):
     series = FourierSeries(5.0, 10)
     of = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
     chance = [
@@ -72,7 +72,7 @@ def test_excitation_is_more_informative_than_a_random_motion_and_follows_the_see
         ({"payload": Payload(mass=as_array(300.0))}, "no excitation motion found within the torque limit"),
     ],
 )
-def test_excitation_out_of_range_is_refused(changes, words, monkeypatch):
+def test_invalid_excitation_options_are_refused(changes, words, monkeypatch):
     monkeypatch.setattr(excitation, "STARTS", 2)
     monkeypatch.setattr(excitation, "STEPS", 2)
     with pytest.raises(DefinitionError, match=words):

@@ -48,7 +48,7 @@ def test_identified_arm_has_the_estimates_and_predicts_the_held_out_part(identif
 
 
 @pytest.mark.full
-def test_stribeck_friction_and_torque_ripple_are_identified_where_they_are_asked_for(tmp_path):
+def test_stribeck_friction_and_torque_ripple_are_identified_if_requested(tmp_path):
     arm = true_arm()
     t, motion = moved(20.0, 250.0, 6)
     log = recorded(arm, times_and_motion=(t, motion), noise=0.002)
@@ -71,7 +71,7 @@ def test_stribeck_friction_and_torque_ripple_are_identified_where_they_are_asked
 
 
 @pytest.mark.parametrize("options", [{"stribeck": -1.0}, {"ripple": [0.0]}, {"ripple": [3.0, 3.0]}])
-def test_impossible_friction_columns_are_refused(options):
+def test_invalid_stribeck_and_ripple_options_are_refused(options):
     with pytest.raises(DefinitionError, match=f"`{next(iter(options))}` must be"):
         identify(recorded(true_arm()), sx.arms.ur5e(), **options)
 
@@ -87,7 +87,7 @@ def test_confidence_intervals_have_about_their_stated_coverage():
 
 
 @pytest.mark.parametrize("center", [[0.014, 0.005, 0.121], [-0.03, 0.04, 0.06], [0.0, 0.0, 0.18]])
-def test_point_masses_of_the_check_stand_for_a_compact_tool(center):
+def test_point_masses_of_the_torque_check_can_represent_a_compact_tool(center):
     body = parameters_of_body(2.5, np.array(center), np.diag([0.004, 0.004, 0.003]))
     scale = np.array([1.0, *3 * (0.2,), *6 * (0.04,)])
     weights, residual = nnls((UNIT_MASSES / scale).T, body / scale)
@@ -110,7 +110,7 @@ def random_tool(name, largest, random):
 
 
 @pytest.mark.full
-def test_two_hundred_tools_on_three_arms_are_weighed_within_two_percent_and_their_intervals_hold():
+def test_201_tools_on_three_arms_are_weighed_within_2_percent_with_valid_intervals():
     inside = []
     for name, largest in (("panda", 3.0), ("ur5e", 5.0), ("iiwa14", 8.0)):
         for seed in range(67):
@@ -149,7 +149,7 @@ def test_log_of_160_samples_with_velocities_is_identified_with_wide_intervals_th
     assert np.mean(inside) > 0.9 and min(errors) < 0.5
 
 
-def test_short_log_that_its_noise_leaves_undetermined_says_so_and_a_wrong_one_is_refused():
+def test_a_short_noisy_log_causes_a_warning_and_time_reversed_torques_are_refused():
     arm, random = random_tool("ur5e", 5.0, np.random.default_rng(14)), np.random.default_rng(14)
     log = short_log(arm, 14)
     tau = log.tau + 0.05 * np.sqrt(np.mean(log.tau**2, axis=0)) * random.normal(size=log.tau.shape)
@@ -159,7 +159,7 @@ def test_short_log_that_its_noise_leaves_undetermined_says_so_and_a_wrong_one_is
         identify(replace(log, tau=log.tau[::-1]), sx.arms.ur5e())
 
 
-def test_joint_at_rest_is_reported_as_not_excited_by_name():
+def test_parameters_of_a_joint_at_rest_are_reported_as_not_identifiable():
     log = recorded(true_arm(), still=(5,))
     identified = identify(log, sx.arms.ur5e())
     unseen = {(parameter.name, parameter.joint) for parameter in identified.unseen}
@@ -171,12 +171,12 @@ def test_joint_at_rest_is_reported_as_not_excited_by_name():
     assert identified.unseen_directions >= 3
 
 
-def test_wrong_links_are_corrected_in_their_identifiable_parameters():
+def test_fitting_the_links_of_a_wrong_model_reduces_the_held_out_torque_error():
     arm = true_arm()
     off = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()), links=True)
     wrong = identify(recorded(arm), sx.arms.Mismatch(mass_factor=0.8).applied(sx.arms.ur5e()))
     assert (off.held_out_rms[:3] < 0.8 * wrong.held_out_rms[:3]).all()
-    # Of 60 numbers of six links 36 combinations move the joints at most.
+    # At most 36 combinations of the 60 link parameters affect the torques.
     assert off.unseen_directions >= 10
     for inertia, mass in zip(np.asarray(off.robot.inertias), np.asarray(off.robot.masses), strict=True):
         moments = np.linalg.eigvalsh(inertia)
@@ -235,7 +235,7 @@ def test_log_of_20_s_identifies_rotors_friction_and_payload():
     assert identified.values("payload.mass")[0] == pytest.approx(2.0, rel=0.02)
     center = [identified.values(f"payload.center.{axis}")[0] for axis in "xyz"]
     np.testing.assert_allclose(center, [0.0, 0.0, 0.1], atol=5e-3)
-    # Torques that are held for a period come half of it before what they do.
+    # A torque held for a period acts half a period after its time stamp on average.
     (fit,) = identified.logs
     assert fit.lag == pytest.approx(-0.45e-3, abs=5 * fit.lag_error + 5e-5)
 

@@ -63,13 +63,13 @@ def test_decimal_commas_in_quotation_marks_are_read(tmp_path):
     assert_read(read_log(path, ARM))
 
 
-def test_titles_in_a_comment_are_read_as_numpy_writes_them(tmp_path):
+def test_column_titles_in_a_comment_of_numpy_savetxt_are_read(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.column_stack([T, Q, TAU]), header=" ".join(PLAIN), fmt="%.10g")
     assert_read(read_log(tmp_path / "a.txt", ARM))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_text_of_spreadsheet_programs_is_read(tmp_path, encoding):
+def test_text_encodings_of_spreadsheet_programs_are_read(tmp_path, encoding):
     path = write(tmp_path / "a.csv", PLAIN, separator="\t")
     path.write_bytes(path.read_text().encode(encoding))
     assert_read(read_log(path, ARM))
@@ -92,7 +92,7 @@ def test_text_of_spreadsheet_programs_is_read(tmp_path, encoding):
     ],
     ids=["libfranka", "rtde", "plotjuggler", "bagpy", "joint 1", "word first", "paths"],
 )
-def test_titles_of_other_tools_are_known(tmp_path, titles):
+def test_column_titles_of_other_tools_are_recognised(tmp_path, titles):
     assert_read(read_log(write(tmp_path / "a.csv", titles), ARM))
 
 
@@ -114,7 +114,7 @@ def test_libfrankas_own_log_is_read_with_its_times_in_milliseconds(tmp_path):
     assert "milliseconds, as libfranka writes them" in " ".join(log.notes)
 
 
-def test_columns_in_alphabetical_order_are_taken_by_the_names_of_their_joints(tmp_path):
+def test_columns_in_alphabetical_order_are_assigned_by_joint_names(tmp_path):
     order = sorted(range(N), key=ARM.__getitem__)
     titles = ["time", *(f"{ARM[k]}.position" for k in order), *(f"{ARM[k]}.effort" for k in order)]
     assert_read(read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q[:, order], TAU[:, order]])), ARM))
@@ -133,7 +133,7 @@ def echoed(path, names):
     return path
 
 
-def test_column_names_assign_values_to_joints(tmp_path):
+def test_joint_names_in_columns_assign_values_to_joints(tmp_path):
     path = echoed(tmp_path / "a.csv", ["wrist", "shoulder", "elbow"])
     assert_read(read_log(path, ARM))
     path.write_text(path.read_text()[::-1].replace("wrist"[::-1], "wirst"[::-1], 1)[::-1])
@@ -141,7 +141,7 @@ def test_column_names_assign_values_to_joints(tmp_path):
         read_log(path, ARM)
 
 
-def test_name_list_assigns_values_to_joints(tmp_path):
+def test_a_list_of_joint_names_in_a_column_assigns_values_to_joints(tmp_path):
     """As bagpy writes it."""
     order = [2, 0, 1]
     titles = ["Time", "name", *numbered("position", "{word}_{k}", 0), *numbered("effort", "{word}_{k}", 0)]
@@ -162,7 +162,7 @@ def test_column_of_another_joint_is_left_out_and_named(tmp_path):
     assert read_log(path, ARM, drop=["finger"]).notes == ()
 
 
-def test_more_numbered_columns_than_joints_are_not_guessed(tmp_path):
+def test_more_numbered_columns_than_joints_are_refused(tmp_path):
     titles = ["time", *(f"q[{k}]" for k in range(4)), *(f"tau[{k}]" for k in range(4))]
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, T, Q, T, TAU]))
     with pytest.raises(DefinitionError, match=r"4 columns for `q`, but the arm has 3 joints.*--drop 3"):
@@ -170,7 +170,7 @@ def test_more_numbered_columns_than_joints_are_not_guessed(tmp_path):
     assert_read(read_log(path, ARM, drop=["0"]))
 
 
-def test_numbers_that_skip_a_joint_are_refused(tmp_path):
+def test_column_numbers_that_skip_a_joint_are_refused(tmp_path):
     titles = ["time", "q_1", "q_2", "q_4", "tau_1", "tau_2", "tau_4"]
     with pytest.raises(DefinitionError, match=r"numbers \[1, 2, 4\].*--columns q=A,B,C"):
         read_log(write(tmp_path / "a.csv", titles), ARM)
@@ -187,7 +187,7 @@ def test_measured_column_is_preferred_to_a_command_of_the_same_name(tmp_path):
     assert_read(read_log(write(tmp_path / "a.csv", titles, np.column_stack([T, Q + 1, Q, TAU])), ARM))
 
 
-def test_table_with_two_arms_needs_a_choice(tmp_path):
+def test_a_table_with_two_arms_is_refused_without_a_choice_of_columns(tmp_path):
     titles = ["time", *(f"{side}.{word}{k}" for side in ("left", "right") for word in ("q", "tau") for k in (1, 2, 3))]
     path = write(tmp_path / "a.csv", titles, np.column_stack([T, Q + 1, TAU + 1, Q, TAU]))
     with pytest.raises(DefinitionError, match=r"several columns for `q`: `left.q`, `right.q`.*`--columns q=left.q`"):
@@ -205,14 +205,14 @@ def test_currents_are_not_taken_for_torques(tmp_path):
     assert_read(read_log(path, ARM, columns=parse_columns(["tau=actual_current"])))
 
 
-def test_torques_that_a_controller_computed_are_not_taken_for_measured_ones(tmp_path):
+def test_torques_that_a_controller_computed_are_not_taken_for_measured_torques(tmp_path):
     titles = ["timestamp", *numbered("actual_q", "{word}_{k}", 0), *numbered("target_moment", "{word}_{k}", 0)]
     with pytest.raises(DefinitionError, match=r"a controller computed.*`--columns tau=target_moment`"):
         read_log(write(tmp_path / "a.csv", titles), ARM)
 
 
 @pytest.mark.parametrize("prefix", ["cmd", "desired", "error", "controller.reference"])
-def test_columns_of_commands_are_not_taken_for_measured_ones(tmp_path, prefix):
+def test_command_columns_are_not_taken_for_measurements(tmp_path, prefix):
     titles = ["time", *(f"{prefix}.positions[{k}]" for k in range(N)), *numbered("effort", "{word}[{k}]", 0)]
     path = write(tmp_path / "a.csv", titles)
     with pytest.raises(DefinitionError, match=rf"no measured `q`, only `({prefix}.position)`; `--columns q=\1`"):
@@ -226,7 +226,7 @@ def test_commanded_velocities_are_left_out(tmp_path):
     assert log.dq is None and log.notes == ("`cmd.dq` is a command, not a measurement: it is left out",)
 
 
-def test_two_columns_of_one_joint_are_not_guessed(tmp_path):
+def test_two_columns_for_the_same_joint_are_refused(tmp_path):
     path = write(tmp_path / "a.csv", [*PLAIN, "q1"], np.column_stack([T, Q, TAU, Q[:, 0] + 1]))
     with pytest.raises(DefinitionError, match=r"two columns for `q` of one joint, `q_1` and `q1`.*--drop q1"):
         read_log(path, ARM)
@@ -261,13 +261,13 @@ def test_unit_of_another_quantity_is_refused(tmp_path):
 @pytest.mark.parametrize(
     "form", ["2024-05-01 10:00:{:09.6f}", "2024-05-01T10:00:{:09.6f}Z", "2024/05/01 12:00:{:09.6f}+02:00"]
 )
-def test_dates_count_from_the_first(tmp_path, form):
+def test_dates_are_converted_to_seconds_since_the_first_sample(tmp_path, form):
     log = read_log(write(tmp_path / "a.csv", PLAIN, times=[form.format(t) for t in T]), ARM)
     np.testing.assert_allclose(log.t, T, atol=1e-9)
     assert "dates" in log.notes[0]
 
 
-def test_times_since_1970_lose_no_digits(tmp_path):
+def test_unix_times_are_read_with_microsecond_accuracy(tmp_path):
     log = read_log(write(tmp_path / "a.csv", PLAIN, times=[f"{1_700_000_000 + t:.6f}" for t in T]), ARM)
     np.testing.assert_allclose(log.t, T, atol=5e-7)
 
@@ -300,7 +300,7 @@ def test_option_that_does_not_fit_the_log_is_refused(tmp_path, options, words):
 
 
 @pytest.mark.parametrize("text", ["position", "q=", "=x", "q=a,,b"])
-def test_columns_of_another_form_are_refused(text):
+def test_column_options_of_another_form_are_refused(text):
     with pytest.raises(DefinitionError, match="needs the form QUANTITY=COLUMN"):
         parse_columns([text])
 
@@ -324,7 +324,7 @@ def with_entry(text):
     ],
     ids=["hole", "word", "underscore", "short", "long", "cut", "header alone", "no header", "zeros"],
 )
-def test_position_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, words):
+def test_a_malformed_table_is_refused_with_the_place_of_the_error(tmp_path, row, damage, words):
     path = write(tmp_path / "a.csv", PLAIN)
     lines = path.read_text().splitlines()
     lines[row] = damage(lines[row])
@@ -334,14 +334,14 @@ def test_position_and_remedy_of_a_wrong_entry_are_named(tmp_path, row, damage, w
     assert len(str(error.value).splitlines()) == 1
 
 
-def test_gap_in_an_unused_column_is_ignored(tmp_path):
+def test_empty_entries_in_an_unused_column_are_ignored(tmp_path):
     path = write(tmp_path / "a.csv", [*PLAIN, "mode"], np.column_stack([T, Q, TAU, T]))
     path.write_text("\n".join(f"{line.rpartition(',')[0]}," for line in path.read_text().splitlines()) + "\n")
     path.write_text(path.read_text().replace("tau_3,", "tau_3,mode", 1))
     assert_read(read_log(path, ARM))
 
 
-def test_point_between_thousands_is_not_taken_for_a_decimal_point(tmp_path):
+def test_a_decimal_point_in_a_table_with_decimal_commas_is_refused(tmp_path):
     path = write(tmp_path / "a.csv", PLAIN, separator=";", comma=True)
     lines = path.read_text().splitlines()
     lines[200] = ";".join([*lines[200].split(";")[:-1], "1.234"])
@@ -356,7 +356,7 @@ def test_lines_of_separators_alone_are_left_out(tmp_path):
     assert_read(read_log(path, ARM))
 
 
-def test_decimal_commas_between_commas_are_named(tmp_path):
+def test_decimal_commas_with_comma_separators_are_refused_with_the_remedy(tmp_path):
     path = write(tmp_path / "a.csv", PLAIN, np.column_stack([T + 0.1, Q + 0.123, TAU + 0.123]), comma=True)
     with pytest.raises(DefinitionError, match="if the decimal sign is a comma, separate the columns by semi"):
         read_log(path, ARM)
@@ -408,6 +408,6 @@ def test_name_list_in_parquet_assigns_values_to_joints(tmp_path):
         read_log(tmp_path / "a.parquet", ARM)
 
 
-def test_lists_in_parquet_are_vectors(tmp_path):
+def test_parquet_lists_are_read_as_joint_vectors(tmp_path):
     pq.write_table(pa.table({"time": T, "position": Q.tolist(), "effort": TAU.tolist()}), tmp_path / "a.parquet")
     assert_read(read_log(tmp_path / "a.parquet", ARM))

@@ -20,19 +20,19 @@ def numbers(text):
     return [float(word) for word in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", text)]
 
 
-def test_universal_robots_reads_the_moments_before_the_products():
+def test_payload_text_for_universal_robots_has_moments_before_products_of_inertia():
     text = payload_text(PAYLOAD, "ur")
     assert text.startswith("set_target_payload(2.5, [0.01, -0.02, 0.07], [")
     assert numbers(text)[4:] == [0.01, 0.012, 0.008, 0.002, -0.001, 0.003]
 
 
-def test_libfranka_reads_the_matrix_by_columns():
+def test_payload_text_for_libfranka_has_the_inertia_matrix_by_columns():
     text = payload_text(PAYLOAD, "franka")
     assert text.startswith("robot.setLoad(2.5, {0.01, -0.02, 0.07}, {") and text.endswith("});")
     assert np.reshape(numbers(text)[4:], (3, 3), order="F").tolist() == INERTIA
 
 
-def test_desk_reads_column_major_matrices():
+def test_payload_file_for_franka_desk_has_column_major_matrices():
     file = json.loads(payload_text(PAYLOAD, "desk"))
     assert file["mass"] == 2.5 and file["centerOfMass"] == [0.01, -0.02, 0.07]
     assert np.reshape(file["inertia"], (3, 3), order="F").tolist() == INERTIA
@@ -62,7 +62,7 @@ def random_payload(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_kuka_reads_principal_moments_in_rotated_axes(seed):
+def test_payload_text_for_kuka_has_principal_moments_and_the_angles_of_their_axes(seed):
     payload = random_payload(seed)
     mass, center, inertia = read_krl(payload_text(payload, "kuka"))
     assert mass == pytest.approx(float(payload.mass), rel=1e-5)
@@ -70,7 +70,7 @@ def test_kuka_reads_principal_moments_in_rotated_axes(seed):
     np.testing.assert_allclose(inertia, payload.inertia, atol=1e-5 * np.max(np.abs(payload.inertia)))
 
 
-def test_pinocchio_reads_the_link_of_urdf():
+def test_pinocchio_reads_mass_center_and_inertia_of_the_payload_urdf():
     pinocchio = pytest.importorskip("pinocchio")
     text = payload_text(PAYLOAD, "urdf")
     model = pinocchio.buildModelFromXML(
@@ -84,7 +84,7 @@ def test_pinocchio_reads_the_link_of_urdf():
     np.testing.assert_allclose(body.inertia, INERTIA, rtol=1e-9)
 
 
-def test_a_link_of_urdf_moves_an_arm_as_the_payload_does():
+def test_a_payload_link_in_urdf_adds_the_payloads_inertia_to_the_arm():
     arm = """<robot name="one"><link name="base"/><joint name="j" type="continuous"><parent link="base"/>
     <child link="a"/><axis xyz="0 1 0"/></joint><link name="a"><inertial><mass value="1"/><inertia ixx="0.01"
     iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>{}</robot>"""
@@ -97,6 +97,6 @@ def test_a_link_of_urdf_moves_an_arm_as_the_payload_does():
     assert float((carrying.mass(q) - alone.mass(q))[0, 0]) == pytest.approx(more, rel=1e-6)
 
 
-def test_an_unknown_form_is_refused_with_the_nearest():
+def test_an_unknown_payload_form_is_refused_with_the_nearest_known_form():
     with pytest.raises(DefinitionError, match="unknown form of a payload `frank`; did you mean `franka`"):
         payload_text(PAYLOAD, "frank")

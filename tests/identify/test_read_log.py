@@ -35,7 +35,7 @@ def table(titles, path):
     ],
     ids=["numbers", "units", "names", "words"],
 )
-def test_a_table_is_read_by_the_names_of_its_columns(tmp_path, titles):
+def test_csv_columns_are_assigned_by_their_titles(tmp_path, titles):
     read = read_log(table(titles, tmp_path / "log.csv"), ARM.joint_names)
     np.testing.assert_array_equal(read.q, LOG.q)
     np.testing.assert_array_equal(read.tau, LOG.tau)
@@ -63,7 +63,7 @@ def test_joint_states_are_read_in_the_arms_order(tmp_path, lines):
     np.testing.assert_allclose(read.t, LOG.t, atol=1e-6)
 
 
-def test_log_written_by_slidax_is_read(tmp_path):
+def test_parquet_log_with_the_columns_of_slidax_is_read(tmp_path):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     dq = np.gradient(LOG.q, LOG.t, axis=0)
     parts = {"q": LOG.q, "dq": dq, "q_d": LOG.q, "e": 0.0 * LOG.q, "tau": LOG.tau, "s": LOG.q}
@@ -86,7 +86,7 @@ def test_log_written_by_slidax_is_read(tmp_path):
         ),
     ],
 )
-def test_error_in_a_parquet_file_is_named(tmp_path, name, table_of, words):
+def test_an_invalid_parquet_file_is_refused_with_the_reason(tmp_path, name, table_of, words):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / f"{name}.parquet"
     table = table_of(pa)
@@ -96,7 +96,7 @@ def test_error_in_a_parquet_file_is_named(tmp_path, name, table_of, words):
 
 
 @pytest.mark.parametrize("reader", [lambda path: read_log(path, ARM.joint_names), lambda path: read_saved(path.parent)])
-def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypatch, reader):
+def test_reading_parquet_without_pyarrow_names_the_extra_to_install(tmp_path, monkeypatch, reader):
     for name in ("log.parquet", "scenario.yaml"):
         (tmp_path / name).touch()
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
@@ -123,7 +123,7 @@ def test_a_parquet_file_without_pyarrow_says_what_to_install(tmp_path, monkeypat
         ("log.json", "[3]", "has a list `name`"),
     ],
 )
-def test_error_in_a_log_file_is_named(tmp_path, name, text, words):
+def test_an_invalid_log_file_is_refused_with_the_reason(tmp_path, name, text, words):
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(DefinitionError, match=words):
         read_log(tmp_path / name, ARM.joint_names)

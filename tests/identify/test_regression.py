@@ -63,7 +63,7 @@ def test_physically_consistent_parameters_stay_bit_for_bit():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_inconsistent_parameters_become_the_best_point_of_the_boundary(seed):
+def test_inconsistent_parameters_become_the_best_fitting_consistent_parameters(seed):
     weigh, bad = information(seed), GOOD.copy()
     bad[4] = -0.05
     nearest = consistent_parameters(bad, weigh, (0,), NONE, INSIDE)

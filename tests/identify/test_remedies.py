@@ -75,14 +75,14 @@ LOG = log_of()
     ],
     ids=["sign", "mN m", "motor side", "torque order", "order", "ms", "ms with dq", "degrees", "dq", "mount"],
 )
-def test_the_named_option_gives_the_right_friction(log, option, tmp_path):
+def test_the_option_that_an_error_names_makes_identification_give_the_true_friction(log, option, tmp_path):
     refused = identified(log, tmp_path)
     assert refused.exit_code == 2
     remedy = re.search(rf"`({re.escape(option)}[^`]*)`", refused.output.replace("\n", " "))
     assert remedy, refused.output
     repaired = identified(log, tmp_path, *remedy[1].split())
     assert repaired.exit_code == 0, repaired.output
-    # The scale of torques is known as well as the masses.
+    # The torque scale is known only as accurately as the masses.
     np.testing.assert_allclose(friction(repaired.output), COULOMB, rtol=0.25 if "scale" in option else 0.06)
 
 
@@ -104,7 +104,7 @@ def test_velocities_that_are_all_zero_are_ignored(tmp_path):
     assert friction(plain.output) == friction(zero.output)
 
 
-def test_trembling_of_a_held_joint_is_accepted(tmp_path):
+def test_a_log_with_a_vibrating_held_joint_is_identified(tmp_path):
     log = log_of(held=(0,))
     rng = np.random.default_rng(0)
     q = log.q.copy()
@@ -131,7 +131,7 @@ def with_moment(tmp_path, moment):
 
 
 @pytest.mark.filterwarnings("ignore:.*changed to the nearest")
-def test_impossible_inertia_is_refused_with_an_option_of_identify(tmp_path):
+def test_a_physically_impossible_inertia_is_refused_with_the_option_that_accepts_it(tmp_path):
     robot = with_moment(tmp_path, 0.005)
     refused = identified(LOG, tmp_path, robot=robot)
     assert refused.exit_code == 2 and " `--inertias nearest` takes" in refused.output
@@ -147,7 +147,7 @@ def test_rounded_inertia_is_read_and_its_warning_names_an_option_of_identify(tmp
     assert identified(LOG, tmp_path, "--inertias", "strict", robot=robot).exit_code == 2
 
 
-def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
+def test_invalid_identify_options_are_refused_with_the_reason(tmp_path):
     for options, words in (
         (["--torque-sign", "1,-1"], "one for each of the 3 joints"),
         (["--torque-sign", "2"], "must be 1 or -1"),
@@ -164,7 +164,7 @@ def test_lists_of_a_wrong_length_or_sign_are_one_line(tmp_path):
         assert refused.exit_code == 2 and words in refused.output.replace("\n", " "), refused.output
 
 
-def test_follower_joint_is_held_at_the_position_in_the_message(tmp_path):
+def test_a_follower_joint_is_refused_with_the_option_that_locks_it(tmp_path):
     text = FILE.read_text()
     follows = re.sub(r'(<joint name="wrist".*?)</joint>', r'\1<mimic joint="elbow"/></joint>', text, flags=re.S)
     assert follows != text
@@ -176,7 +176,7 @@ def test_follower_joint_is_held_at_the_position_in_the_message(tmp_path):
     assert (arm.joint_names, description["locked"]) == (("shoulder", "elbow"), {"wrist": 0.0})
 
 
-def test_joints_that_an_option_holds_are_held_in_addition_to_those_of_the_file(tmp_path):
+def test_joints_locked_by_option_add_to_the_joints_locked_in_the_file(tmp_path):
     (tmp_path / "arm.yaml").write_text(f"robot: {{kind: urdf, file: '{FILE.resolve()}', locked: {{wrist: 0.1}}}}\n")
     arm, _ = named_robot(str(tmp_path / "arm.yaml"), locked={"elbow": 0.2})
     assert arm.joint_names == ("shoulder",)

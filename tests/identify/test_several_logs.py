@@ -89,7 +89,7 @@ def joined(log, other):
     ],
     ids=["the same", "at another time", "a part of it", "every second sample", "other digits"],
 )
-def test_a_copy_of_measurements_is_refused_in_several_logs_and_behind_a_gap(copy):
+def test_a_copy_of_measurements_is_refused_in_another_or_the_same_log(copy):
     log = log_of(0)
     copied = replace(copy(log), source="the copy")
     with pytest.raises(DefinitionError, match=r"\d+ samples of .*, from .* stand in .*, too: .*leave the copy out"):
@@ -111,7 +111,7 @@ def slower(arm, factor):
     ],
     ids=["more load", "more friction"],
 )
-def test_intervals_of_logs_that_disagree_have_the_arm_of_each(change, name):
+def test_intervals_from_logs_that_disagree_contain_the_true_values_of_both_arms(change, name):
     arm = arm_with_drives("three_link")
     result = identify([log_of(0), log_of(1, change(arm))], known_arm())
     assert any(
@@ -122,11 +122,11 @@ def test_intervals_of_logs_that_disagree_have_the_arm_of_each(change, name):
         assert (np.abs(errors(result, name, truth)) < 2.0).all()
 
 
-def test_logs_that_agree_are_not_said_to_disagree(two):
+def test_logs_that_agree_cause_no_disagreement_warning(two):
     assert not any("with the other logs" in text for text in two[1].warnings)
 
 
-def test_a_second_log_of_the_same_noise_counts_as_much_as_the_first():
+def test_four_logs_with_equal_noise_about_halve_the_standard_errors_of_a_single_log():
     """Independent logs of one motion: errors fall by the square root of their number."""
     arm = arm_with_drives("three_link")
     motion = moved(12.0, 125.0, 3, seed=3, size=2.0)
@@ -135,18 +135,18 @@ def test_a_second_log_of_the_same_noise_counts_as_much_as_the_first():
     assert [fit.log.source for fit in four.logs] == [f"a test (log {k})" for k in (1, 2, 3, 4)]
     for name in ("armature", "coulomb", "payload.mass"):
         ratio = four.standard_errors(name) / alone.standard_errors(name)
-        # A rotor of the first joint adds to the link's inertia about its axis, and is not seen.
+        # The rotor inertia of the first joint cannot be separated from the link's inertia about its axis.
         assert (ratio[name == "armature" :] > 0.25).all() and (ratio[name == "armature" :] < 0.6).all(), name
 
 
-def test_more_logs_make_the_band_narrower_and_it_holds():
+def test_more_logs_make_the_band_narrower_and_it_contains_the_true_arm():
     arm, logs = arm_with_drives("three_link"), [log_of(seed) for seed in (0, 1, 2)]
     results = [identify(logs[:count], known_arm(), links=True) for count in (1, 3)]
     assert all(covered(result, arm) for result in results)
     assert results[1].band.p < 0.8 * results[0].band.p
 
 
-def test_a_message_names_the_log_that_it_is_about(two):
+def test_errors_and_warnings_name_the_log_that_they_concern(two):
     logs, _ = two
     with pytest.raises(DefinitionError, match=r"torques of log 1 do not fit .*`--torque-sign -1`"):
         identify([logs[0], replace(logs[1], tau=-logs[1].tau)], known_arm())
@@ -157,7 +157,7 @@ def test_a_message_names_the_log_that_it_is_about(two):
     assert [words for words in warnings if "has a gap" in words and words.startswith("log 1")]
 
 
-def test_an_unknown_load_of_one_log_is_weighed_and_is_no_part_of_the_arm(tmp_path):
+def test_an_unknown_load_in_a_log_is_identified_separately_from_the_arms_payload(tmp_path):
     logs = [log_of(0), log_of(1, carrying(arm_with_drives("three_link"), BLOCK))]
     result = identify(logs, known_arm(), loads=[Payload(), None])
     assert abs(errors(result, "load_2.mass", BLOCK.mass)[0]) < 4.0
@@ -173,17 +173,17 @@ def test_an_unknown_load_of_one_log_is_weighed_and_is_no_part_of_the_arm(tmp_pat
     assert known.standard_errors("payload.mass")[0] < result.standard_errors("payload.mass")[0]
 
 
-def test_a_log_is_compared_with_the_arm_that_carries_its_load():
+def test_the_check_of_measured_torques_includes_the_known_load_of_the_log():
     heavy = Payload(mass=as_array(30.0), center=as_array([0.0, 0.0, 0.3]), inertia=as_array(0.1 * np.eye(3)))
     arm = arm_with_drives("three_link")
     log = recorded(carrying(arm, heavy), times_and_motion=moved(12.0, 125.0, 3, seed=3, size=2.0))
-    # The first check of the torques counts the load: without it they are not those of this arm.
+    # The first check of the torques includes the load; without the load the torques do not fit this arm.
     assert (identify(log, carrying(known_arm(), PAYLOAD), loads=[heavy], payload=False).values("coulomb") > 0.0).all()
     with pytest.raises(DefinitionError, match=r"gravity|torque"):
         identify(log, carrying(known_arm(), PAYLOAD), payload=False)
 
 
-def test_two_known_loads_show_the_gains_although_the_masses_are_wrong():
+def test_two_known_loads_identify_the_actuator_gains_although_the_link_masses_are_wrong():
     arm = arm_with_drives("three_link")
     heavy = eqx.tree_at(lambda robot: (robot.masses, robot.inertias), arm, (1.15 * arm.masses, 1.15 * arm.inertias))
     gains = np.array([0.85, 1.1, 0.9])
@@ -197,19 +197,19 @@ def test_two_known_loads_show_the_gains_although_the_masses_are_wrong():
 
 
 @pytest.mark.parametrize("loads", [None, [Payload(), Payload()], [BLOCK, BLOCK], [None, BLOCK], [None, None]], ids=str)
-def test_gains_and_links_without_a_known_difference_of_loads_are_refused_with_the_remedy(loads, two):
+def test_identifying_gains_and_links_without_a_known_load_difference_is_refused_with_the_remedy(loads, two):
     with pytest.raises(DefinitionError, match=r"needs known masses.*`--load none --load 2.0@0,0,0.1`"):
         identify(two[0], known_arm(), loads=loads, links=True, actuator_map="gain")
 
 
-def test_loads_are_one_for_each_log(two):
+def test_a_load_is_required_for_each_log(two):
     with pytest.raises(DefinitionError, match=r"`loads` must have an entry for each of 2 logs.*; got 1: `--load none`"):
         identify(two[0], known_arm(), loads=[BLOCK])
     with pytest.raises(DefinitionError, match="`log` must be a log or several"):
         identify([], known_arm())
 
 
-def test_load_texts_have_mass_centre_and_inertia():
+def test_load_option_accepts_mass_centre_and_inertia_and_refuses_other_forms():
     assert parse_load("unknown") is None and float(parse_load("none").mass) == 0.0
     assert float(parse_load("2").mass) == 2.0
     load = parse_load("2.0@0,0.1,-0.2@1,2,3,0.1,0.2,0.3")
@@ -235,7 +235,7 @@ def test_gravity_of_a_mounted_arm_is_identified_with_its_payload(gravity):
     assert "gravity.x" not in {parameter.name for parameter in result.unseen}
 
 
-def test_a_law_computes_with_the_identified_gravity(tmp_path):
+def test_the_arm_file_has_the_identified_gravity(tmp_path):
     result = identify(log_of(0, in_gravity(arm_with_drives("three_link"), TILTED)), known_arm(), gravity=True)
     write_arm(result, {"kind": "urdf", "file": FILE}, tmp_path / "arm.yaml")
     arm, _ = named_robot(str(tmp_path / "arm.yaml"))
@@ -245,8 +245,8 @@ def test_a_law_computes_with_the_identified_gravity(tmp_path):
     assert np.abs(np.asarray(known_arm().bias(q, still) - true.bias(q, still))).max() > 0.25
 
 
-def test_gravity_that_no_torque_shows_is_named():
-    # Turned about the first, vertical joint, a tilted arm has the torques of another zero of this joint.
+def test_gravity_components_that_no_torque_depends_on_are_reported_as_unidentifiable():
+    # Turning a tilted arm about its vertical first joint acts on the torques like an offset of this joint.
     log = log_of(0, in_gravity(arm_with_drives("three_link"), TILTED))
     result = identify(log, known_arm(), gravity=True, encoder_offset=True)
     unseen = {parameter.label for parameter in result.unseen}
@@ -266,19 +266,19 @@ def test_gravity_that_no_torque_shows_is_named():
     ],
     ids=["added", "none"],
 )
-def test_gravity_that_a_log_cannot_show_is_refused(arm, conventions, words):
+def test_gravity_identification_is_refused_for_added_or_zero_gravity(arm, conventions, words):
     log = recorded(arm, times_and_motion=moved(12.0, 125.0, arm.joints))
     with pytest.raises(DefinitionError, match=words):
         identify(log, arm, conventions=conventions, gravity=True)
 
 
-def test_the_message_about_a_mounted_arm_names_the_option_that_finds_its_gravity():
+def test_the_message_about_a_mounted_arm_names_the_option_that_identifies_gravity():
     log = log_of(0, in_gravity(arm_with_drives("three_link"), [0.0, 6.94, -6.94]))
     with pytest.raises(DefinitionError, match=r"`--gravity identify` estimates with an interval: `--gravity -?\d"):
         identify(log, known_arm())
 
 
-def test_the_command_fits_two_logs_with_loads_and_finds_gravity(tmp_path):
+def test_the_identify_command_fits_two_logs_with_loads_and_identifies_gravity(tmp_path):
     true = in_gravity(arm_with_drives("three_link"), TILTED)
     logs = [log_of(0, true), log_of(1, carrying(true, BLOCK))]
     paths = [str(written(log, tmp_path / f"{name}.csv")) for log, name in zip(logs, ("empty", "loaded"), strict=True)]

@@ -200,14 +200,14 @@ def judged(kind: Kind, name: str, seed: int) -> tuple[bool, str]:
 
 
 @pytest.mark.parametrize("kind", [*KINDS, MOUNTED], ids=lambda kind: kind.name)
-def test_a_spoiled_log_of_a_small_arm_is_named(kind):
+def test_a_spoiled_log_of_a_two_link_arm_is_reported_with_its_cause(kind):
     refused, words = judged(kind, "two_link", 1)
     assert refused == kind.refused, words
     assert re.search(kind.cause, words), words
 
 
 @pytest.mark.full
-def test_of_69_spoiled_logs_none_passes_in_silence_and_the_cause_is_named():
+def test_none_of_69_spoiled_logs_passes_in_silence_and_63_causes_are_named():
     rows = []
     for name in ARMS:
         for seed, kind in enumerate([*KINDS, MOUNTED]):
@@ -237,14 +237,14 @@ def test_of_69_spoiled_logs_none_passes_in_silence_and_the_cause_is_named():
     ],
     ids=["unit and sign", "milliseconds", "counter", "degrees", "order", "torque order"],
 )
-def test_the_right_convention_gives_the_clean_logs_parameters(spoil, conventions):
+def test_the_correct_log_convention_gives_the_parameters_of_the_clean_log(spoil, conventions):
     log, arm = recorded(true_arm(), seconds=6.0), sx.arms.ur5e()
     clean, repaired = identify(log, arm, cut_off=6.0), identify(spoil(log), arm, conventions=conventions, cut_off=6.0)
     for name in ("armature", "coulomb", "payload.mass"):
         np.testing.assert_allclose(repaired.values(name), clean.values(name), rtol=1e-6, atol=1e-9)
 
 
-def test_a_gap_does_not_change_the_friction_by_more_than_its_error():
+def test_friction_identified_from_a_log_with_a_gap_is_within_its_error():
     arm = ARMS["two_link"]()
     log = clean_log(arm, 3)
     keep = (log.t < 6.0) | (log.t > 8.0)
@@ -257,7 +257,7 @@ def test_a_gap_does_not_change_the_friction_by_more_than_its_error():
 
 
 def alarms(logs):
-    """The refusals of clean logs, and their warnings other than on what the log does not show."""
+    """Refusals of clean logs, and their warnings except those about unidentifiable parameters."""
     refusals, warnings = [], []
     for log, arm in logs:
         try:
@@ -278,13 +278,13 @@ def clean(name, seed):
     return replace(log, q=step * np.round(log.q / step)), arm
 
 
-def test_clean_logs_of_a_small_arm_raise_no_alarm():
+def test_clean_logs_of_a_two_link_arm_cause_no_refusal_or_warning():
     assert alarms(clean("two_link", seed) for seed in range(6)) == ([], [])
 
 
 @pytest.mark.full
-def test_of_90_clean_logs_none_is_refused_and_three_at_most_are_warned_of():
-    """Encoders of up to 1 mrad at up to 1 kHz can leave a large error, which the warning then tells."""
+def test_none_of_90_clean_logs_is_refused_and_at_most_three_cause_warnings():
+    """Encoders of up to 1 mrad at up to 1 kHz can leave a large error, which the warning then reports."""
     refusals, warnings = alarms(clean(name, seed) for name in ARMS for seed in range(30))
     assert refusals == []
     assert len(warnings) <= 3, warnings
@@ -332,7 +332,7 @@ def damaged(log: JointLog, rng: np.random.Generator) -> JointLog:
 MANY = [pytest.param(name, range(100, 400 if name == "two_link" else 150), marks=pytest.mark.full) for name in ARMS]
 
 
-# 175 has a variance that rounding makes negative, 351 a piece of three samples.
+# Seed 175 has a variance that rounding makes negative; seed 351 has a piece of three samples.
 @pytest.mark.parametrize(("name", "seeds"), [("two_link", (*range(6), 175, 351)), *MANY])
 def test_damaged_log_is_refused_or_gives_finite_numbers(name, seeds):
     arm = ARMS[name]()

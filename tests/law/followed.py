@@ -1,4 +1,4 @@
-"""A motion as an estimator follows it, with free joints as its model: all acceleration is a push to it."""
+"""Estimates of a motion with a model of free joints, so that all acceleration is a disturbance."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ from slidax.law import Estimate
 
 
 def predicted(last, elapsed):
-    """The last estimate, moved by its disturbance."""
+    """The prediction from the last estimate under its disturbance."""
     return Estimate(
         state=State(
             q=last.state.q + elapsed * (last.state.dq + 0.5 * elapsed * last.disturbance),
@@ -37,7 +37,7 @@ def followed(estimator, motion, samples, period=1e-3, noise=0.0, disturbance=0.0
 
 
 def accelerated(acceleration):
-    """A motion with a constant acceleration [n], which no model explains."""
+    """A motion with a constant acceleration [n], which to the estimator is a disturbance."""
     speed = jnp.array([1.0, -2.0])
     return lambda t: State(q=t * (speed + 0.5 * t * acceleration), dq=speed + t * acceleration)
 

@@ -158,7 +158,7 @@ SURFACES_LIKE_OTHERS = ("smooth_fixed_time_4_1", "linear_core_4_1", "singularity
 
 
 class Case(NamedTuple):
-    """A scheme at work."""
+    """A scheme with its arm, motion and start."""
 
     controller: AbstractController
     robot: AbstractRobot
@@ -177,7 +177,7 @@ def scara(controller: AbstractController, idle: int = 1) -> Case:
 
 
 FAR_LIMITS = TorqueLimits(1e6, 1e12)
-"""Limits that are never met, and finite, so that a difference quotient by them is."""
+"""Limits that are never reached, yet finite, so that difference quotients by them are finite."""
 
 
 def sampled(law: AbstractController, **options: object) -> SampledData:
@@ -219,7 +219,7 @@ CONTROLLERS: list[tuple[str, Case]] = [
     ),
     ("computed_torque", two_link(computed_torque_4_1())),
     ("gravity_pd", two_link(gravity_pd_4_1())),
-    # Idle as in gravity_pd, and the limit, and the gain of an integral that is still zero.
+    # Without effect: as in gravity_pd, the limit, and the gain of an integral that is still zero.
     ("pid", two_link(pid_4_1(gravity=0.5, limit=1e4), idle=3)),
 ]
 
@@ -239,4 +239,4 @@ CONTROLLERS_LIKE_OTHERS = (
     "sampled_super_twisting",
     "sampled_anftsmc",
 )
-"""The same laws with other parts, which are members of their own rooms: these run in the long version."""
+"""The same laws with other parts, which have tests of their own: these run in the long version."""

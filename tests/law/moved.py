@@ -1,4 +1,4 @@
-"""Adaptation on two joints that known torques move."""
+"""Adaptation on two joints under known torques."""
 
 from typing import Any
 
@@ -78,9 +78,9 @@ def taught(
     torque: np.ndarray,
     missed: Any = False,
 ) -> Any:
-    """The memory at the end, and what was learnt at each sample.
+    """The final memory, and the learnt parameters at each sample.
 
-    The torque of sample k acts from k to k + 1, so that at a sample that of the one before has acted.
+    The torque of sample k acts from k to k + 1, so each sample measures the effect of the torque before.
     """
     acted = np.vstack([torque[:1] * 0.0, torque[:-1]])
     gaps = np.broadcast_to(missed, len(positions))

@@ -52,7 +52,7 @@ def test_links_lighter_than_the_model_give_a_negative_rotor_inertia():
 
 def test_unmodelled_weight_of_a_swinging_payload_does_not_bias_the_rotor_inertia():
     t = np.arange(4000) * PERIOD
-    # The arm follows 2 rad/s, and the weight that nobody knows changes with it: it looks like negative inertia.
+    # The arm swings at 2 rad/s, and the unmodelled weight varies with it, like a negative inertia.
     q = np.stack([0.4 * np.sin(2.0 * t), 0.3 * np.sin(2.0 * t)], axis=1)
     dq = np.stack([0.8 * np.cos(2.0 * t), 0.6 * np.cos(2.0 * t)], axis=1)
     torque = (-4.0 * q) @ (LINKS + np.diag(TRUE)) + 20.0 * q
@@ -93,7 +93,7 @@ def test_rotor_inertia_is_learnt_despite_lost_samples():
     for start in range(100, 1900, 90):
         arrives[start : start + 15] = False
     missed = np.concatenate([[False], ~arrives[:-1]])[arrives]
-    # While nothing arrives the last torque stands: here the arm is pushed on as planned, which is harder.
+    # A law would hold its last torque while samples are lost; here the sweep goes on, which is harder.
     _, learnt = taught(learning(), rounded(q)[arrives], dq[arrives], torque[arrives], missed)
     np.testing.assert_allclose(learnt.rotor[-1], TRUE, rtol=0.35)
 
@@ -103,7 +103,7 @@ def test_initial_rotor_inertia_is_the_models_or_0_002_times_the_rated_torque():
     known = JointLearning.of_arm(rotors=[0.3, 0.0], **RATED)
     np.testing.assert_allclose(known.rotor, [0.3, 0.024])
     np.testing.assert_allclose(known.counted, [0.3, 0.0])
-    # An arm without rotors of its own is as its model says.
+    # An arm whose model has no rotors starts at zero.
     np.testing.assert_allclose(JointLearning.of_arm(rotors=None, **RATED).rotor, 0.0)
     unknown = JointLearning.of_arm(rotors=np.zeros(2), **{**RATED, "torque": [np.inf, 12.0]})
     np.testing.assert_allclose(unknown.rotor, [0.002 * 25.0 * 0.5, 0.024])
@@ -133,7 +133,7 @@ PANDA, UR5E = "panda-payload", "ur5e-payload"
 NOMINAL, TRUE_ROTORS = (0.0, 0.03, 0.1, 0.2), (0.02, 0.05, 0.1, 0.3)
 CORNERS = ((0.1, 0.1), (0.0, 0.1), (0.1, 0.03), (0.03, 0.3))
 DAILY = [(PANDA, 0.0, 0.1), (PANDA, 0.03, 0.3), (UR5E, 0.1, 0.02)]
-# Of the exactly known arm at each true inertia; at .02, where that one fails, what was asked for.
+# Steady error of the exactly known arm at each true inertia; at 0.02, where that law fails, the requirement.
 KNOWN = {
     PANDA: {0.02: 8e-4, 0.05: 3.5e-4, 0.1: 2.6e-4, 0.3: 1.6e-4},
     UR5E: {0.02: 1.5e-3, 0.05: 1.3e-3, 0.1: 8.2e-4, 0.3: 4.3e-4},
@@ -169,7 +169,7 @@ def test_learning_law_is_nearly_as_accurate_as_the_known_arm_for_all_rotor_inert
 @pytest.mark.parametrize(("name", "changes"), HARDER)
 @pytest.mark.parametrize(("nominal", "true"), CORNERS)
 def test_envelope_holds_with_delay_coarse_encoders_payloads_or_contact(name, changes, nominal, true):
-    # docs/learning.md has this one as the one that is left, at a reversal.
+    # docs/learning.md names this case as the remaining exception, at a reversal.
     left = 5 if (name, changes, nominal, true) == (UR5E, {"sensor.delay": 3}, 0.1, 0.03) else 0
     assert analysis.envelope_violations(simulated(name, nominal, true, **changes)) <= left
 
@@ -179,7 +179,7 @@ def test_envelope_holds_with_delay_coarse_encoders_payloads_or_contact(name, cha
 @pytest.mark.parametrize("true", [0.005, 0.5, 1.0])
 @pytest.mark.parametrize("nominal", NOMINAL)
 def test_envelope_holds_with_very_small_or_large_rotor_inertias(name, true, nominal):
-    # docs/learning.md tells why this one leaves, and what keeps it inside.
+    # docs/learning.md explains why this case leaves the envelope, and which setting keeps it inside.
     beyond = (name, true, nominal) == (UR5E, 0.005, 0.2)
     changes = {"scheme.sampled_data.gate.speed": 25.0} if beyond else {}
     assert analysis.envelope_violations(simulated(name, nominal, true, **changes)) == 0
@@ -227,6 +227,6 @@ def test_estimates_do_not_drift_in_an_hour_of_hold_creep_and_repeated_starts(hou
     run = scenario.replace(trajectory=motion, state0=sx.State(HOME), t1=3600.0).simulate(progress=False)
     assert analysis.envelope_violations(run) == 0
     learnt = np.asarray(run.log.signals["rotor"])
-    # A motion from time to time goes on teaching a little; nothing else changes what was learnt.
+    # Occasional motions still teach a little; nothing else changes the learnt inertia.
     since, share = (60, 0.1) if hour == "starts" else (10, 1e-3)
     np.testing.assert_allclose(learnt[-1], learnt[since], rtol=share)

@@ -73,7 +73,7 @@ def decide(step):
 
 @pytest.fixture(scope="module")
 def calm_memory(step, decide):
-    """The memory after long enough a time inside."""
+    """The memory after the waiting time inside the envelope."""
     still = jnp.zeros(2)
     memory = step.init(
         jnp.zeros(()), State(q=still, dq=still), Reference(still, still, still), jnp.asarray(H), jnp.asarray(0.012)
@@ -81,7 +81,7 @@ def calm_memory(step, decide):
     for _ in range(round(WAIT / H) + 2):
         memory = decide(moment_of(step, still, still, still), memory).memory
     assert (memory.inside >= WAIT).all()
-    # An arm on which disturbances usually change that much.
+    # The usual change of the disturbance on this arm.
     return eqx.tree_at(lambda memory: memory.usual, memory, still + 20.0)
 
 
@@ -89,7 +89,7 @@ def test_calm_step_without_an_error_answers_only_to_a_change_of_the_disturbance(
     still, change = jnp.zeros(2), jnp.array([0.3, -0.2])
     decision = decide(moment_of(step, still, still, change), calm_memory)
     k3 = gains(decision.signals["bandwidth"], jnp.asarray(H))[2]
-    # `τ = M (a - w)`: the change of w is given back but for the share K3.
+    # `τ = M (a - w)`: the change of w is compensated except for the share K3.
     np.testing.assert_allclose(decision.acceleration, change * (1.0 - k3), rtol=1e-6)
 
 
@@ -140,7 +140,7 @@ def test_calm_steps_hold_the_envelope_with_half_the_torque_noise(run):
     late = np.asarray(run.log.t) > 2.5
 
     def noise(log):
-        # Second differences: the motion's own torque has next to none.
+        # Second differences: those of the motion's own torque are negligible.
         return np.sqrt(np.mean(np.diff(np.asarray(log.tau)[late], n=2, axis=0) ** 2))
 
     assert np.mean(np.asarray(run.log.signals["calm"])[late]) > 0.9

@@ -113,13 +113,13 @@ def test_joint_integral_stops_beyond_the_torque_limit_unless_it_reduces_the_torq
     law = pid_4_1(kp=KP, ki=KI, kd=KD, limit=[10.0, 100.0])
     e = jnp.array([0.1, 0.1])
     np.testing.assert_array_equal(pid_command(law, e, jnp.zeros(2), [0.0, 0.0]).rate, [0.0, 0.1])
-    # The integral has wound up the other way: the error unwinds it, at the limit as well.
+    # With an integral of the other sign, the error unwinds it even at the limit.
     np.testing.assert_array_equal(pid_command(law, e, jnp.zeros(2), [-1.0, 0.0]).rate, [0.1, 0.1])
 
 
 @pytest.mark.parametrize("sampled", [None, {}], ids=["as printed", "sampled-data"])
 def test_anti_windup_more_than_halves_the_overshoot_after_a_long_saturation(sampled):
-    """1 rad away, with drives of 12 N m for an arm that takes 8 N m s² to speed up a radian: a second at the limit."""
+    """The arm starts 1 rad away; drives of 12 N m and an inertia of 8 kg m² keep it at the limit for about 1 s."""
     changes = {
         "scheme.name": "pid",
         "scheme.sampled_data": sampled,
@@ -235,7 +235,7 @@ def compiled(controller, memory, q, dq, reference):
 
 
 def random_states(n, seed=0, count=60):
-    """States and references: far off, near, and on the reference with one joint or with all of them."""
+    """States and references: far away, near, and with one joint exactly on the reference."""
     rng = np.random.default_rng(seed)
     for i in range(count):
         qd, dqd, ddqd = rng.normal(size=(3, n))
@@ -275,7 +275,7 @@ def test_torques_of_terminal_schemes_agree_with_their_equations(law, transcripti
 
 
 def test_ftsmppc_differs_from_the_printed_law_only_by_its_linear_core(monkeypatch):
-    """Outside the core the two powers are one; inside, the transcription's cubic becomes a straight line."""
+    """Outside the core both powers agree; inside, a straight line replaces the cubic of the transcription."""
     rng = np.random.default_rng(0)
     zero = jnp.zeros(())
     for i in range(60):
@@ -362,7 +362,7 @@ def test_equivalent_control_in_an_envelope_holds_the_sliding_surface(controller,
         return ask(t, state).signals["s"]
 
     def ds(t, q, dq):
-        # The velocity that puts the state on the surface: s is ė plus what depends on the position.
+        # s is ė plus a function of the position, so this velocity puts the state on the surface.
         dq = dq - s_of(t, State(q=q, dq=dq))
         state = State(q=q, dq=dq)
         rate = State(q=dq, dq=arm.acceleration(state, ask(t, state).tau))
@@ -376,5 +376,5 @@ def test_equivalent_control_in_an_envelope_holds_the_sliding_surface(controller,
         e = envelope.lower + rng.uniform(0.1, 0.9, arm.joints) * (envelope.upper - envelope.lower)
         s, change = evaluate(t, trajectory.position(t) + e, jnp.asarray(rng.normal(size=arm.joints)))
         np.testing.assert_allclose(s, 0.0, atol=1e-13)
-        # The rest is the robust part of a rounding error in s, 12 √1e-15 for super-twisting.
+        # The remainder is the robust term for a rounding error in s, 12 √1e-15 for super-twisting.
         np.testing.assert_allclose(change, 0.0, atol=1e-6)

@@ -45,7 +45,7 @@ def test_the_curves_of_figure_1_settle_at_their_deadline(initial, deadline):
 
 @given(st.floats(1e-12, 1e-3), st.floats(2.01, 4.0))
 def test_two_derivatives_are_continuous_at_the_deadline(before, exponent):
-    """They go to zero like the distance to T, to the power σ - 1 and σ - 2."""
+    """They vanish like the powers σ - 1 and σ - 2 of the distance to T."""
     performance = FixedTime(0.8, 0.002, 5.0, exponent)
     _, rate, curvature = all_three(performance, 5.0 * (1 - before))
     assert abs(float(rate)) <= 1.001 * exponent / 5.0 * 0.8 * before ** (exponent - 1)

@@ -14,7 +14,7 @@ PUSH = np.array([4.0, -0.5])
 
 
 def errors_decay(cutoff, gain, period):
-    """The matrix by which the errors of velocity and disturbance, times h, go on, by hand."""
+    """Recursion matrix for the errors of the velocity and of the disturbance times h, derived by hand."""
     a = 1 - np.exp(-cutoff * period)
     return np.array([[1 - a, 1 - a / 2], [-gain * a**2, 1 - gain * a**2 / 2]])
 
@@ -38,14 +38,14 @@ def test_disturbance_estimate_converges_geometrically_at_its_gain(gain):
 
 
 def growing(t):
-    """A motion whose disturbance is `PUSH t`: it grows evenly."""
+    """A motion whose disturbance is `PUSH t`: it grows linearly."""
     return State(q=jnp.array([0.1, 0.2]) + PUSH * t**3 / 6, dq=PUSH * t**2 / 2)
 
 
 @pytest.mark.parametrize("ahead", [0.0, 1.0, 2.0, 2.5])
 @pytest.mark.parametrize("make", [lambda ahead: Measured.critical(0.3, ahead), lambda ahead: Measured(0.5, 0.2, ahead)])
 def test_a_linearly_growing_disturbance_is_compensated_without_lag(make, ahead):
-    """The disturbance is the one that there will be so many periods after the middle of the last one."""
+    """The estimate is the disturbance `ahead` periods after the middle of the last period."""
     estimate = np.asarray(followed(make(ahead), growing, 400).disturbance)
     times = np.arange(1, 401)[:, None] * 1e-3
     np.testing.assert_allclose(estimate[200:], (PUSH * (times + (ahead - 0.5) * 1e-3))[200:], rtol=1e-9)
@@ -61,7 +61,7 @@ def test_without_a_trend_the_estimate_lags_behind_a_growing_disturbance(gain):
 
 @pytest.mark.parametrize("gain", [0.05, 0.3, 0.9])
 def test_the_critical_trend_makes_both_poles_equal(gain):
-    """The rest of a constant disturbance goes as `(1 - (1 - p) k) pᵏ` with `p = √(1 - g)`: it passes zero once."""
+    """The error for a constant disturbance is `(1 - (1 - p) k) pᵏ` with `p = √(1 - g)`: it crosses zero once."""
     estimate = np.asarray(followed(Measured.critical(gain, 0.0), accelerated(jnp.asarray(PUSH)), 60).disturbance)
     k, pole = np.arange(1, 61)[:, None], np.sqrt(1 - gain)
     np.testing.assert_allclose(estimate, PUSH * (1 - (1 - (1 - pole) * k) * pole**k), atol=1e-8)
@@ -215,7 +215,7 @@ def test_the_disturbance_estimate_changes_no_faster_than_its_bound():
 
 
 def test_small_errors_vanish_after_three_samples():
-    """All three of them: the estimate is that whose error dies at once, as long as the disturbance may explain it."""
+    """Errors of position, velocity and disturbance are deadbeat while the bound allows the correction."""
     true = accelerated(jnp.array([4.0, -0.5]))
     estimator, period = RobustDifferentiator(1e5), jnp.asarray(1e-3)
     start = true(jnp.zeros(()))
@@ -229,7 +229,7 @@ def test_small_errors_vanish_after_three_samples():
 
 @pytest.mark.parametrize("period", [1e-3, 1e-2, 1e-1])
 def test_a_constant_disturbance_is_estimated_in_finite_time_without_chattering(period):
-    """In about 1.7 times its size over L; rounding of the position over h² is all that is left."""
+    """Convergence takes about 1.7 times the disturbance over L; only position rounding over h² remains."""
     samples = round(8.0 / period)
     estimate = np.asarray(
         followed(RobustDifferentiator(4.0), accelerated(jnp.array([4.0, -0.5])), samples, period).disturbance
@@ -240,7 +240,7 @@ def test_a_constant_disturbance_is_estimated_in_finite_time_without_chattering(p
 
 @pytest.mark.parametrize("lipschitz", [1.0, 3.0, 100.0])
 def test_a_disturbance_of_bounded_rate_is_estimated_up_to_the_sampling_error(lipschitz):
-    """The disturbance is a period behind, and the velocity is off by a third of `h²` times its rate, for any bound."""
+    """For any bound the disturbance lags by a period and the velocity errs by a third of `h²` times its rate."""
     errors = []
     for period in (0.02, 0.01):
         samples = round(8.0 / period)

@@ -31,7 +31,7 @@ def system(density, period):
 
 
 def general(density, variance, period):
-    """The gains by scipy, in units in which it can: the filter's own time and the deviation of the measurement."""
+    """Gains by scipy, in well-scaled units: the filter's time constant and the measurement's standard deviation."""
     time = max((variance * period / density) ** (1 / 6), period)
     units = np.sqrt(variance) * np.array([1.0, 1 / time, 1 / time**2])
     moved, drift = system(density, period)
@@ -50,7 +50,7 @@ def test_the_steady_gains_agree_with_a_general_riccati_solver(period):
 
 
 def test_the_steady_gains_are_the_limit_of_the_covariance_recursion():
-    """By the filter's own recursion, from a start that knows nothing."""
+    """Iterates the covariance recursion from a large initial covariance."""
     density, variance, period = 10.0, 1e-10 / 12, 1e-3
     moved, drift = system(density, period)
     covariance = np.diag([1e-8, 1e-2, 1e2])
@@ -110,7 +110,7 @@ def test_a_residual_corrects_the_estimate_by_the_gains():
 
 
 def test_scaled_steady_gains_estimate_a_drifting_disturbance_less_accurately():
-    """With the very noise that they were made for."""
+    """The noise is that for which the gains were computed."""
     density, deviation, period, samples = 4.0, 1e-5, 1e-3, 20_000
     rng = np.random.default_rng(0)
     moved, drift = system(density, period)
@@ -233,7 +233,7 @@ def filter_of(inertia, resolution):
     return Kalman.of_arm(np.diag([inertia]), variance=resolution**2 / 12, period=PERIOD, torque_density=DENSITY)
 
 
-# The finest is what a filter beside an adaptation takes encoders to be.
+# A filter combined with an adaptation assumes encoders of the finest resolution.
 @pytest.mark.parametrize(("resolution", "off"), [(1e-4, 1e-5), (1e-5, 1e-4), (2e-6, 1e-2)])
 @pytest.mark.parametrize("inertia", [0.02, 0.05, 0.3, 1.0])
 def test_gains_follow_a_changed_inertia(resolution, off, inertia):
@@ -258,7 +258,7 @@ def tracking(growth=2.0, inertia=1.0, share=1.0):
 def corrected(estimator, innovation, before=None, beyond=0.0, spent=0.0):
     """The change of q, q̇ and ŵ by an innovation [rad], and `p - 1` after it.
 
-    - `before`: the sum of those before it [rad]; twice this one if None.
+    - `before`: sum of the earlier innovations [rad]; twice `innovation` if None.
     """
     zero = jnp.zeros(1)
     measured = State(q=jnp.array([innovation]), dq=zero)

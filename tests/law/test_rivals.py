@@ -18,7 +18,7 @@ def nominal():
 
 
 def acceleration(law, t, q, dq, memory, now=STILL):
-    """Acceleration that the law asks of its model, and its command."""
+    """Acceleration that the law demands from its model, and its command."""
     state = State(q=jnp.asarray(q), dq=jnp.asarray(dq))
     command = law(jnp.asarray(t), state, now, now, memory)
     return np.linalg.solve(law.nominal.mass(state.q), command.tau - law.nominal.bias(state.q, state.dq)), command

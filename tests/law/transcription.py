@@ -1,4 +1,4 @@
-"""Laws in plain NumPy, written from their equations and sharing no line with the package."""
+"""Laws in plain NumPy, written from their equations without code of the package."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Every actuator is a pure function of arrays, causal, limited, and finite whatever is commanded."""
+"""Every actuator is a pure function of arrays, causal, limited, and finite for any command."""
 
 import equinox as eqx
 import jax
@@ -85,7 +85,7 @@ def test_delivered_torque_lies_between_set_commands(actuator):
 
 @EVERY
 def test_torque_is_continuous_between_periods_unless_a_new_command_acts(actuator):
-    """With a lag always, and without one too if the dead time is not whole."""
+    """Always with a lag; without a lag if the dead time is not a whole number of periods."""
     _, (start, _, end) = delivered(actuator)
     continuous = (np.asarray(actuator.time_constant) > 0) | (actuator.change > 0)
     gap = np.abs(np.asarray(end)[:-1] - np.asarray(start)[1:])

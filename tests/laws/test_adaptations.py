@@ -1,4 +1,4 @@
-"""Every adaptation is a pure function of arrays that believes in an arm that can be, whatever it sees."""
+"""Every adaptation is a pure function of arrays whose learnt arm is physically possible for any samples."""
 
 import equinox as eqx
 import jax

@@ -1,6 +1,6 @@
 """Every scheme is a pure function of arrays that compiles once, batches and differentiates.
 
-Each member is compiled twice for all of this: `compiled` at one point, and `sloped` with its gradient over a batch.
+All tests share two compilations per member: `compiled` at one point, and `sloped` with gradients over a batch.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from tests.law.members import CONTROLLERS, CONTROLLERS_LIKE_OTHERS
 
 
 class Point(NamedTuple):
-    """Where a scheme is asked: the start and the reference there, and what it is given at the time t."""
+    """Inputs of a scheme: the start and its reference, and the time, state and references of a sample."""
 
     start: State
     first: Reference
@@ -29,7 +29,7 @@ class Point(NamedTuple):
 
 
 def at(case, t, state):
-    """The point at time t, after a start as the case has it."""
+    """The inputs at time t, after the start of the case."""
     first, now, ahead = (case.trajectory.reference(jnp.asarray(time)) for time in (0.0, t, t + 1e-3))
     return Point(case.start, first, jnp.asarray(t), state, now, ahead)
 
@@ -63,7 +63,7 @@ def compiled(controller, point):
 
 
 def weighted(tau):
-    """One number in which no two joints can cancel each other."""
+    """A weighted sum, in which equal and opposite torques do not cancel."""
     return jnp.sum(tau * jnp.arange(1.0, tau.shape[0] + 1.0))
 
 
@@ -79,7 +79,7 @@ def torques_and_slopes(controller, point):
 
 
 FACTORS = (1.0, 1.01, 1.05)
-"""Of all gains, at the first points of the batch; the others have the case's own."""
+"""Factors of all gains at the first points of the batch; the other points have the unscaled gains."""
 TIMES = (0.5, 5.0, 8.0)
 
 
@@ -89,7 +89,7 @@ def scaled(controller, factor):
 
 @pytest.fixture(scope="module")
 def sloped(case):
-    """Torques and their slopes by gains and state: near the motion with other gains; near and on it; at the start."""
+    """Torques and their gradients: near the motion with scaled gains, near and on the motion, and at the start."""
     points = [at(case, 1.0, near(case, 1.0))] * len(FACTORS)
     points += [at(case, t, state(case, t)) for t in TIMES for state in (near, on_reference)]
     # Within 100 periods of the start, after which a gate restarts the law.
@@ -99,7 +99,7 @@ def sloped(case):
 
 
 EVERY = every("case", CONTROLLERS, full=CONTROLLERS_LIKE_OTHERS, scope="module")
-# Uncompiled or with slopes, a search for a plan takes long; a sampled-data law with less to search has both every day.
+# These take long uncompiled or with gradients; simpler members cover both in the daily run.
 SLOW = ("sampled_cftsmppc_4_1_layer_delay_and_recovery", "nftsmc_4_2", "sfsmc_4_2")
 SLOPED = every("case", CONTROLLERS, full=(*CONTROLLERS_LIKE_OTHERS, *SLOW), scope="module")
 
@@ -123,7 +123,7 @@ def test_a_single_compilation_serves_many_gains_states_and_times(case):
     before = len(TRACES)
     for i, factor in enumerate((1.0, 1.01, 1.02, 1.03)):
         compiled(scaled(case.controller, factor), at(case, 0.5 * i, near(case, 0.5 * i, seed=i)))
-    # None at all, where a member that differs in its numbers alone was here before.
+    # No compilation at all after a member that differs only in its numbers.
     assert len(TRACES) - before <= 1
 
 
@@ -139,11 +139,11 @@ def test_gradients_by_all_gains_and_by_the_state_are_finite_also_without_any_err
 
 @SLOPED
 def test_nearly_every_gain_changes_the_first_torque(case, sloped):
-    """Wherever a gain stands idle at one state, it acts at another: here every leaf but a few at the start."""
+    """At the start, the torque depends on all gains but at most `case.idle` of them."""
     reference = case.trajectory.reference(jnp.zeros(()))
     assert float(jnp.abs(case.start.q - reference.q).max()) > 0
     moved = [np.any(np.asarray(leaf[-1]) != 0) for leaf in jax.tree.leaves(sloped[1])]
-    # The core's width acts only inside the core.
+    # The width of the core has an effect only inside the core.
     assert moved.count(False) <= case.idle
 
 
@@ -209,13 +209,13 @@ IMMEDIATE = [
 
 @eqx.filter_jit
 def feed_forward(nominal, state, ddq):
-    """The torque of the motion alone, and that of the weight."""
+    """Torques of the motion without gravity, and of gravity."""
     return nominal.mass(state.q) @ ddq + nominal.coriolis(state.q, state.dq) @ state.dq, nominal.gravity(state.q)
 
 
 @every("case", IMMEDIATE, full=CONTROLLERS_LIKE_OTHERS[1:], scope="module")
 def test_torque_without_an_error_is_the_feedforward_of_the_nominal_arm(case):
-    """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; a PD knows the last of them only, a PID its share of it."""
+    """At e = ė = 0 every law is `M0 q̈_d + C0 q̇ + G0`; a PD has only G0, a PID only its share of G0."""
     for t in (0.5, 1.5, 8.0):
         point = at(case, t, on_reference(case, t))
         reference = point.now
@@ -224,7 +224,7 @@ def test_torque_without_an_error_is_the_feedforward_of_the_nominal_arm(case):
             motion = 0.0
         if isinstance(case.controller, JointPID):
             gravity = case.controller.gravity * gravity
-        # A law that plans over a period takes the mean acceleration, so the motion goes on evenly here.
+        # A law that plans over a period takes the mean acceleration, so the acceleration is constant here.
         ahead = Reference(reference.q + 1e-3 * reference.dq, reference.dq + 1e-3 * reference.ddq, reference.ddq)
         command = compiled(case.controller, point._replace(start=on_reference(case, 0.0), ahead=ahead))
         np.testing.assert_allclose(command.tau, motion + gravity, rtol=1e-10, atol=1e-11)

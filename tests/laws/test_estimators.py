@@ -1,4 +1,4 @@
-"""Every estimator is a pure function of arrays that finds a constant disturbance, and is finite always."""
+"""Every estimator is a pure function of arrays that identifies a constant disturbance and is always finite."""
 
 import equinox as eqx
 import jax

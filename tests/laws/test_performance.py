@@ -30,7 +30,7 @@ def test_the_radius_never_grows(performance):
 
 
 @EVERY
-def test_the_radius_starts_at_its_initial_value_and_ends_at_its_final_one(performance):
+def test_the_radius_goes_from_its_initial_to_its_final_value(performance):
     np.testing.assert_allclose(performance.radius(jnp.asarray(0.0)), performance.initial * jnp.ones(()), rtol=1e-14)
     end = np.asarray(performance.radius(jnp.asarray(1e4)))
     np.testing.assert_allclose(end, np.broadcast_to(performance.final, end.shape), rtol=1e-14)

@@ -1,4 +1,4 @@
-"""Every reaching law is a push along s that vanishes with it, and a direction no longer than one."""
+"""Every reaching law has a term along s that vanishes with s, and a direction with a norm of at most 1."""
 
 import equinox as eqx
 import jax
@@ -30,7 +30,7 @@ def test_continuous_term_and_switching_direction_point_along_s_and_are_odd(reach
         np.testing.assert_allclose(opposite, -pushed, rtol=1e-13)
 
 
-# One saturates each joint by itself, so its direction is not that of s.
+# Saturated reaching acts on each joint separately, so its direction is not that of s.
 PARALLEL = [(name, member) for name, member in REACHING if not isinstance(member, SaturatedReaching)]
 # A full matrix times Sig^r is not monotone, so that law has no implicit step.
 IMPLICIT = [(name, member) for name, member in REACHING if getattr(member, "gain", jnp.zeros(())).ndim < 2]
@@ -115,7 +115,7 @@ def test_the_implicit_step_is_zero_exactly_where_u_can_bring_s_to_zero(reaching)
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_implicit_step_never_increases_a_distance_in_the_metric(reaching):
-    """The resolvent of a monotone map does not widen a distance: no step can overshoot."""
+    """The resolvent of a monotone map is nonexpansive: no step can overshoot."""
     first, second = implicit(reaching), implicit(reaching, s=-0.7 * STARTS[::-1])
     before = np.asarray(STARTS + 0.7 * STARTS[::-1])
     after = first - second
@@ -128,13 +128,13 @@ def test_the_implicit_step_never_increases_a_distance_in_the_metric(reaching):
 
 @eqx.filter_jit
 def slopes(reaching, metric, s, u):
-    """Of one step by s, u and the parameters of the law, each for both components."""
+    """Derivatives of one step by s, u and the parameters of the law, for both components."""
     return jax.jacrev(lambda law, s, u: law.implicit(metric, s, u), argnums=(1, 2, 0))(reaching, s, u)
 
 
 @every("reaching", IMPLICIT, full=REACHING_LIKE_OTHERS)
 def test_the_derivative_of_the_implicit_step_is_that_of_the_solution(reaching):
-    """Against differences, away from the kinks, where there are two."""
+    """Against differences, away from the kinks, where the one-sided derivatives differ."""
     metric, s, u = jnp.array([[300.0, 40.0], [40.0, 200.0]]), jnp.array([0.5, -0.4]), jnp.asarray(20.0)
     slope_s, slope_u, gradient = slopes(reaching, metric, s, u)
     ds, du = 1e-5 * jnp.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0], [0.0, 0.0]]), 1e-4
@@ -152,7 +152,7 @@ def test_a_full_gain_matrix_has_no_implicit_step():
 
 @every("bound", BOUNDS)
 def test_a_torque_bound_is_a_positive_scalar_that_is_least_at_rest_without_torque(bound):
-    """It has finite derivatives, also at rest without a torque, and compiles to the same number."""
+    """Its derivatives are finite at rest without torque, and its compiled value is the same."""
     rest = State(q=jnp.zeros(2), dq=jnp.zeros(2))
     least = bound(rest, jnp.zeros(2))
     assert least.shape == () and least > 0

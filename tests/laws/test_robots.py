@@ -1,6 +1,6 @@
-"""Every robot is a rigid arm whose matrices belong together.
+"""Every robot is a rigid arm with consistent matrices.
 
-All that is compared of one arm is compiled at once, in `mechanics`.
+`mechanics` compiles all compared quantities of an arm at once.
 """
 
 import equinox as eqx
@@ -95,7 +95,7 @@ def test_input_power_is_the_rate_of_energy(robot, states, mechanical):
 
 @eqx.filter_jit
 def moved_freely(robot, start, span, steps):
-    """By the classical Runge-Kutta method, whose stages are a loop here: it is compiled four times faster so."""
+    """Classical Runge-Kutta method; a loop over its stages compiles four times faster."""
     h = span / steps
 
     def rate(state):
@@ -117,7 +117,7 @@ def moved_freely(robot, start, span, steps):
 
 @eqx.filter_jit
 def energies(robot, states):
-    """Of some states: all of it, and that of the position alone."""
+    """Total and potential energies of several states."""
     return jax.vmap(robot.energy)(states), jax.vmap(robot.potential)(states.q)
 
 
@@ -129,9 +129,9 @@ def a_start(robot):
 @EVERY
 def test_an_unforced_arm_keeps_its_energy_to_the_integrators_order(robot):
     start = a_start(robot)
-    # Six joints tumble, and the error changes its sign from one number of steps to the next.
+    # An arm with six joints tumbles, and the sign of its error varies with the number of steps.
     halvings = 3 if robot.joints >= 6 else 1
-    # The number of steps is an array, or each number would be compiled by itself.
+    # The number of steps is an array, so that one compilation serves both numbers.
     numbers = (10_000, 10_000 * 2**halvings)
     ends = [moved_freely(robot, start, jnp.asarray(5.0), jnp.asarray(steps)) for steps in numbers]
     energy, potential = energies(robot, jax.tree.map(lambda *x: jnp.stack(x), start, *ends))

@@ -18,7 +18,7 @@ SMOOTH = {"layer": 0.01}
 
 GAINS: dict[tuple[str, str], dict[str, Any]] = {
     **{(arm, scheme): SMOOTH for arm in ARMS for scheme in ("nftsmc", "anftsmc")},
-    # In N m, and so by the size of the joint.
+    # These gains are in N m, and so depend on the size of the joint.
     ("panda", "gravity_pd"): {
         "kp": [800.0, 1500.0, 600.0, 600.0, 120.0, 80.0, 60.0],
         "kd": [80.0, 150.0, 60.0, 60.0, 12.0, 8.0, 6.0],
@@ -31,23 +31,23 @@ GAINS: dict[tuple[str, str], dict[str, Any]] = {
 }
 
 LAG = {"gravity_pd": 0.01, "pid": 0.01}
-"""The steady error that a scheme may have [rad or m]: these do not know the motion's torques."""
+"""Admissible steady errors of schemes without a feedforward of the motion [rad or m]."""
 
 UNDISTURBED = {("scara", "anftsmc"), ("scara", "computed_torque")}
 """Printed schemes whose gains are small against the disturbances of the example."""
 
 COMPENSATED = {"two_link": 2e-5, "scara": 1e-4, "panda": 1e-3}
-"""The steady error that is left where the disturbance is estimated and made up for [rad or m]."""
+"""Admissible steady errors of schemes that compensate an estimated disturbance [rad or m]."""
 
 SCHEMES = [name for name in catalogue()["schemes"] if name != "sliding_mode"]
-"""All but the one without parts of its own."""
+"""All schemes but `sliding_mode`, which has no default parts."""
 
 START, LOST = 2.0, 10
-"""When samples are lost [s], and how many."""
+"""Time of the first lost sample [s], and number of lost samples."""
 
 
 def pairs(turn: int) -> list:
-    """Every scheme with every arm; for every day are every other scheme, by turns on one of the small arms."""
+    """Every scheme with every arm; the daily run has every second scheme, alternately on either small arm."""
     cases = []
     for arm in ARMS:
         for k, scheme in enumerate(SCHEMES):
@@ -62,7 +62,7 @@ def gains(arm: str, scheme: str) -> dict[str, Any]:
 
 
 def assert_settled(run: Run, error: float) -> None:
-    """Finite to the end, inside the envelope where one is promised, and the error small over the last tenth."""
+    """All values are finite, the error is inside the envelope, if any, and small over the last tenth."""
     assert run.outcome.kind == "ok", run.outcome.message
     log = run.log
     for leaf in (log.tau, log.state.q, log.state.dq, *log.signals.values()):
@@ -83,7 +83,7 @@ def test_sampled_data_schemes_settle_within_limits_despite_lost_samples(arm, sch
         changes |= {"scheme.sampled_data": {}}
     scenario = load(name, {**changes, **gains(arm, scheme)})
     assert isinstance(scenario.controller, SampledData)
-    # The drives would take any torque: it is the law that keeps the limits.
+    # These drives have no limits, so the law alone must keep them.
     plant = eqx.tree_at(lambda plant: plant.actuator.limits, scenario.plant, TorqueLimits())
     run = scenario.replace(plant=plant).simulate(progress=False)
     assert_settled(run, LAG.get(scheme, COMPENSATED[arm]))

@@ -1,4 +1,4 @@
-"""Every sensor is a pure function of arrays, with chance from its seed only, and finite whatever happens."""
+"""Every sensor is a pure function of arrays, random only by its seed, and always finite."""
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ EVERY = every("sensor", SENSORS, full=LIKE_OTHERS)
 
 
 def of_a_motion(sensor, shift):
-    """The measurements of a motion that goes on `shift` seconds later than `moving`."""
+    """Measurements of the motion `moving`, `shift` seconds later."""
     return sampled(sensor, lambda t: moving(t + shift), samples=40)
 
 
@@ -57,7 +57,7 @@ def one_by_one(sensor, samples):
 
 @EVERY
 def test_compiled_and_eager_measurements_agree(sensor):
-    """Over as many samples as it takes for everything to be late, and for those of the plans to be lost."""
+    """Over enough samples for all delays to act and for the planned losses to occur."""
     first = jax.tree.map(lambda x: x[:8], measured(sensor, SHIFTS[0]))
     assert_same(first, one_by_one(sensor, 8), rtol=1e-11)
 

@@ -8,7 +8,7 @@ from slidax.law import LinearCoreFixedTime
 from tests.enrolled import assert_finite, every
 from tests.law.members import SURFACES, SURFACES_LIKE_OTHERS
 
-# The older surface has a kink: what holds only without one is asked of the others.
+# The older surface has a kink, so tests of smoothness apply only to the others.
 SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]
 EVERY = every("surface", SURFACES, full=SURFACES_LIKE_OTHERS)
 GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])
@@ -54,7 +54,7 @@ def test_each_joints_phi_depends_on_its_own_error_alone(surface):
 
 @every("surface", SMOOTH, full=SURFACES_LIKE_OTHERS)
 def test_the_slope_is_continuous(surface):
-    """Bisection towards the largest change would close in on a jump; without one the change goes to nothing."""
+    """Bisection towards the largest change would close in on a jump; without a jump the change vanishes."""
     at = jax.jit(lambda x: slope(surface, jnp.stack([x, x])))
     for low, high in ((-1.2, 0.0), (0.0, 0.7), (0.0, 0.1), (0.005, 1.3)):
         first = np.abs(at(high) - at(low)).max()

@@ -1,4 +1,4 @@
-"""Every transformation is an envelope made into a line, and a rate that is the true rate."""
+"""Every transformation maps its envelope onto the real line, and returns the rate of the mapped error."""
 
 import equinox as eqx
 import jax

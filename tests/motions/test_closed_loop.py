@@ -1,4 +1,4 @@
-"""Motions of pieces in a closed loop: machine code of our own and XLA give the same runs."""
+"""Piecewise motions in a closed loop: the native and the XLA engine give the same runs."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ MOTIONS = [
 ]
 
 
-# Of the same classes as others, with other numbers.
+# Same classes as other members, with other numbers.
 LIKE_OTHERS = ("trapezoidal", "cubics")
 
 
@@ -35,7 +35,7 @@ def test_both_engines_follow_the_same_motion(motion):
         ours, theirs = getattr(native.log.reference, part), getattr(xla.log.reference, part)
         np.testing.assert_allclose(ours, theirs, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(native.log.state.q, xla.log.state.q, rtol=1e-11)
-    # Followed to its end, where it stands still.
+    # The motion is followed to its end, where it stands still.
     np.testing.assert_allclose(native.log.reference.q[-1], np.asarray(motion.position(motion.until)), atol=1e-14)
     assert np.all(np.asarray(native.log.reference.dq[-1]) == 0.0)
 

@@ -1,4 +1,4 @@
-"""The smoothest motion through waypoints: that it is the smoothest, and how it joins."""
+"""Minimum-jerk motion through waypoints: its optimality and its continuity."""
 
 import jax.numpy as jnp
 import numpy as np

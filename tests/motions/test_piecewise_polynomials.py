@@ -1,4 +1,4 @@
-"""Piecewise motions have right derivatives at and outside of their knots, and exact extremes."""
+"""Piecewise motions have correct derivatives at and outside their knots, and exact extremes."""
 
 import jax
 import jax.numpy as jnp

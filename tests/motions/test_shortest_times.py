@@ -1,4 +1,4 @@
-"""Waypoints as fast as limits allow, without stopping: limits hold everywhere, and nothing shorter does."""
+"""Fastest motions through waypoints without a stop: limits hold everywhere, and shorter motions exceed them."""
 
 import math
 from itertools import pairwise
@@ -62,14 +62,14 @@ def test_slowest_joint_sets_the_time_of_all():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_no_other_division_of_the_time_is_shorter_for_three_waypoints(seed):
-    """Three waypoints have one free number, the share of the first piece: all of its values are tried."""
+    """Three waypoints have one free parameter, the share of the first piece: the test tries all its values."""
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(3, 2))
     limits = {"velocity": 2.0, "acceleration": 8.0, "jerk": 150.0}
     duration = float(MinimumJerk.within(path, **limits).until)
 
     def shortest(share):
-        """Stretched by hand: each derivative of order i goes with the i-th power of the time."""
+        """Stretched by hand: a derivative of order i scales with the i-th power of the duration."""
         motion = MinimumJerk.through([0.0, share, 1.0], path)
         peaks = zip((1, 2, 3), limits.values(), strict=True)
         return max((motion.extremes(order).size.max() / limit) ** (1 / order) for order, limit in peaks)

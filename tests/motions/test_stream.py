@@ -1,4 +1,4 @@
-"""The filter of streamed positions: its poles, its lag, its limits, and the motion that it makes."""
+"""The filter of streamed positions: its poles, its lag, its limits and its motion."""
 
 import equinox as eqx
 import jax
@@ -102,7 +102,7 @@ def test_lowered_limits_are_reached_without_a_jump():
     assert np.abs(push).max() <= 5.0 + 1e-9 and np.abs(np.diff(push)).max() <= float(slow.jerk) * H * (1 + 1e-9)
 
 
-def test_a_position_that_is_not_finite_keeps_the_last_one():
+def test_a_position_that_is_not_finite_is_replaced_by_the_last_finite_position():
     stream, good = fitting(), np.array([0.2, -0.1])
     for bad in (np.nan, np.inf):
         both = states(stream, [good] * 20 + [[bad, -0.1]] * 300, np.zeros(2))

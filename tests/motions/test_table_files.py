@@ -1,4 +1,4 @@
-"""Motions from CSV files and ROS messages: what is read is what was written, and what is wrong is named."""
+"""Motions from CSV files and ROS messages: values are read exactly, and errors name their place."""
 
 import json
 

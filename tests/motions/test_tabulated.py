@@ -1,4 +1,4 @@
-"""Motions through the rows of a table: how they are interpolated, and which tables are none."""
+"""Motions through the rows of a table: their interpolation, and the refusal of invalid tables."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -57,7 +57,7 @@ def test_samples_of_a_motion_reproduce_the_motion(columns):
 
 
 @pytest.mark.parametrize("rows", [30, 100, 1000, 20_000])
-def test_long_tables_are_as_accurate_as_short_ones(rows):
+def test_accuracy_does_not_depend_on_the_length_of_a_table(rows):
     original = MinimumJerk.through(TIMES, PLACES)
     t, q, _, _ = sampled(original, rows)
     motion = Tabulated.through(t, q)
@@ -111,7 +111,7 @@ def test_a_motion_that_does_not_jump_is_not_refused(seed, rows):
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(generator.integers(2, 6), 3))
     smooth = MinimumJerk.within(path, velocity=2.0, acceleration=10.0)
-    # With four digits, as many files have them.
+    # Rounded to four digits, like many files.
     t, q, _, _ = sampled(smooth, rows)
     if rows <= 100:
         q = np.round(q, 4)

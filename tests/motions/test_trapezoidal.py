@@ -1,4 +1,4 @@
-"""From rest to rest as fast as the limits allow: against closed forms, and against Ruckig's own samples."""
+"""Fastest rest-to-rest motions within limits: against closed forms and against Ruckig's samples."""
 
 import builtins
 import math

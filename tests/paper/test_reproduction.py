@@ -23,10 +23,10 @@ from slidax.paper.reproduce import counts
 from slidax.report import Picture, typeset
 from slidax.simulation import Run
 
-# The module and not the function of this name.
+# The module, not the function of the same name.
 REPRODUCE = importlib.import_module("slidax.paper.reproduce")
 DRAWN: dict[str, Picture] = {}
-"""The figures of `made`."""
+"""The figures of `reproduced`."""
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_the_page_shows_every_printed_value_and_every_verdict(reproduced):
 
 
 def test_computed_values_and_verdicts_come_from_the_runs(reproduced):
-    """Peak torques lie in the first second, so that the short run has those of the whole."""
+    """Peak torques occur in the first second, so the short run has those of the whole run."""
     rows = [row for row in reproduced[1]["numbers"] if row["quantity"] == "peak_torque" and row["scheme"] == "CFTSMPPC"]
     assert [row["computed"]["stated"] for row in rows] == pytest.approx([9.5388, 8.6503, 14.4316], rel=1e-4)
     assert [row["verdicts"]["stated"]["kind"] for row in rows] == ["differs", "differs", "reproduced"]
@@ -125,7 +125,7 @@ READINGS = [("stated", False), pytest.param("stated", True, marks=FULL), pytest.
 @pytest.mark.full
 @pytest.mark.parametrize(("disturbance", "drawn"), READINGS)
 def test_a_single_disturbance_reading_gives_the_same_values(reproduced, tmp_path, monkeypatch, disturbance, drawn):
-    """With the figures of `made` every day: they are of the first reading there, too."""
+    """Reuses the figures of `reproduced`, which show the same reading, unless `drawn`."""
     if not drawn:
         monkeypatch.setattr(REPRODUCE, "draw", lambda runs, folder: DRAWN)
     results = paper.reproduce(tmp_path, disturbance, changes={"simulation.t1": 1.0})

@@ -1,4 +1,4 @@
-"""Arms from URDF files that others wrote, that come with example-robot-data."""
+"""Arms from third-party URDF files in example-robot-data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Arm:
     tip: str
     locked: dict[str, float] = field(default_factory=dict)
     limits: bool = True
-    """False if the file has limits that cannot be."""
+    """False if the file has impossible limits."""
 
     @property
     def path(self) -> str:

@@ -1,4 +1,4 @@
-"""Described joints for Pinocchio, which turns no axes and merges what is fixed in its own way."""
+"""Pinocchio models of described joints; Pinocchio keeps joint axes and fuses fixed links by itself."""
 
 from __future__ import annotations
 

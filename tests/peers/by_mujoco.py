@@ -15,7 +15,7 @@ mujoco = pytest.importorskip("mujoco")
 def by_mujoco(
     model: Any, tip: str, joint_names: tuple[str, ...], states: States, locked: dict[str, float] | None = None
 ) -> Motion:
-    """Without friction and without stops."""
+    """Dynamics by MuJoCo, without friction and without stops."""
     model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
@@ -32,7 +32,7 @@ def by_mujoco(
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)
         mass, bias = full[np.ix_(at, at)], data.qfrc_bias[at].copy()
-        # Locked joints need constraint forces, which MuJoCo does not have: their rows are left out.
+        # MuJoCo has no constraint forces for locked joints here, so their rows are left out.
         acceleration = np.linalg.solve(mass, tau - bias) if locked else data.qacc[at].copy()
         rows.append((mass, bias, gravity, acceleration, place.xpos.copy(), place.xmat.reshape(3, 3).copy()))
     return Motion(*(np.stack(part) for part in zip(*rows, strict=True)))

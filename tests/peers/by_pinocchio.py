@@ -13,7 +13,7 @@ pinocchio = pytest.importorskip("pinocchio")
 
 
 def position(model: Any, joint_names: Any, q: np.ndarray) -> np.ndarray:
-    """Pinocchio's position vector; of a joint without end it has the cosine and the sine."""
+    """Pinocchio's position vector, with cosine and sine for a continuous joint."""
     place = pinocchio.neutral(model)
     for name, angle in zip(joint_names, q, strict=True):
         joint = model.joints[model.getJointId(name)]
@@ -22,7 +22,7 @@ def position(model: Any, joint_names: Any, q: np.ndarray) -> np.ndarray:
 
 
 def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: States) -> Motion:
-    """Without friction."""
+    """Dynamics by Pinocchio, without friction."""
     model.damping = np.zeros(model.nv)
     data = model.createData()
     at = [model.joints[model.getJointId(name)].idx_v for name in joint_names]
@@ -44,7 +44,7 @@ def by_pinocchio(model: Any, tip: str, joint_names: tuple[str, ...], states: Sta
 
 
 def held(model: Any, positions: dict[str, float]) -> Any:
-    """The model with some joints held, their links joined to what carries them."""
+    """The model with some joints locked and their links fused to their parents."""
     if not positions:
         return model
     still = pinocchio.neutral(model)

@@ -12,11 +12,11 @@ from slidax.arms import Articulated
 from slidax.core.types import State
 
 WITHIN = 1e-10
-"""Of the norm, in each state."""
+"""Largest error, as a share of the norm in each state."""
 
 
 class States(NamedTuple):
-    """Where an arm is and what drives it, [k n] each."""
+    """Positions, velocities and torques of an arm, [k n] each."""
 
     q: np.ndarray
     dq: np.ndarray
@@ -35,7 +35,7 @@ class Motion(NamedTuple):
 
 
 def random_states(robot: Articulated, count: int) -> States:
-    """Inside of the limits, or within half a turn or metre where there are none."""
+    """Positions within the limits and within [-π, π], with random velocities and torques."""
     rng, n = np.random.default_rng(11), robot.joints
     lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
     return States(
@@ -45,27 +45,27 @@ def random_states(robot: Articulated, count: int) -> States:
 
 def _motion(robot: Articulated, q: Any, dq: Any, tau: Any) -> Motion:
     axes, tip = robot.tip_frame(q)
-    # Friction is not in what is compared: others smooth it in another way.
+    # Friction is excluded from the comparison: peers smooth it differently.
     acceleration = robot.acceleration(State(q=q, dq=dq), tau + robot.friction(dq))
     return Motion(robot.mass(q), robot.bias(q, dq), robot.gravity(q), acceleration, tip, axes)
 
 
-# To optimise it would take three times as long as it takes to run.
+# Optimising the program would take three times as long as running it.
 _motions = jax.jit(jax.vmap(_motion, (None, 0, 0, 0)), compiler_options={"xla_backend_optimization_level": 0})
 
 
 def by_slidax(robot: Articulated, states: States) -> Motion:
-    """Names are left out, so that arms with equally many joints are compiled once."""
+    """Dynamics by slidax, without names, so that arms with equal numbers of joints share a compilation."""
     numbers = tuple(str(i) for i in range(robot.joints))
     nameless = dataclasses.replace(robot, name="arm", joint_names=numbers, link_names=numbers)
     return Motion(*(np.asarray(part) for part in _motions(nameless, *states)))
 
 
 def assert_same(ours: Motion, theirs: Motion) -> None:
-    """Norm by norm in each state."""
+    """Check that all quantities agree by their norms in each state."""
     for name, mine, other in zip(Motion._fields, ours, theirs, strict=True):
         norm = np.linalg.norm(other.reshape(len(other), -1), axis=1)
         error = np.linalg.norm((mine - other).reshape(len(other), -1), axis=1)
-        # A vertical arm has no gravity at all: then both must have none.
+        # A vertical arm has no gravity torques; then both must be nearly zero.
         share = np.max(error / np.maximum(norm, 1e-3))
         assert share <= WITHIN, f"{name}: {share:.1e}"

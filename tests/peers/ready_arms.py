@@ -1,4 +1,4 @@
-"""The built-in arms for others, straight from the numbers in their files: nothing of ours reads or turns them."""
+"""Peer models of the built-in arms, built directly from the numbers in their files without code of slidax."""
 
 from __future__ import annotations
 

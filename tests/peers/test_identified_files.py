@@ -1,4 +1,4 @@
-"""Arms of other people's files: excited, logged, identified."""
+"""Excitation and identification of arms from third-party URDF files."""
 
 import equinox as eqx
 import numpy as np

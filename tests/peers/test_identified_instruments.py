@@ -63,7 +63,7 @@ def pinocchio_log(name, seed, offset=0.0, gains=None, noise=0):
 
 
 def sliding(velocity, reach):
-    """True further than this reach [samples], or half of it and so on, from the reversals of a joint.
+    """True beyond a distance of `reach` samples, or half of it and so on, from the reversals of a joint.
 
     Dry friction may stick there, so that `identify` uses no such row while a fifth of the rows is left.
     """
@@ -127,7 +127,7 @@ MORE = [
 ]
 
 CLEAR = 2
-"""Logs of lower seeds show each inner joint closely.
+"""Logs of lower seeds determine each inner joint precisely.
 
 In the others, joints reverse so often or carry so little that the equations between the reversals show some offsets and
 gains poorly: to 10 mrad and to 6 % at best.
@@ -146,7 +146,7 @@ def test_encoder_offsets_are_identified_where_gravity_makes_them_observable(name
     result = identify(log, known, encoder_offset=True)
     errors, deviations = result.values("encoder_offset") - offset, result.standard_errors("encoder_offset")
     prior = np.full(known.joints, OFFSET["rad"])
-    # The first axis is vertical. The last joint turns the unknown payload, whose place is unknown too.
+    # The first axis is vertical. The last joint turns the unknown payload, whose position is unknown too.
     assert (np.abs(errors) < 3.5 * deviations)[1:-1].all()
     least = least_errors(name, seed, result, "encoder_offset", prior, payload=True)
     assert_as_sure_as_possible(deviations[1:-1], least[1:-1])
@@ -164,7 +164,7 @@ def test_encoder_offsets_are_identified_where_gravity_makes_them_observable(name
     floor = NOISE * np.sqrt(np.mean(log.tau**2, axis=0) * 2.0 * result.logs[0].cut_off / RATE)[1:-1]
     assert (held_out < without + 2.0 * floor).all()
     assert np.linalg.norm(held_out / floor) < np.linalg.norm(without / floor)
-    # A known payload shows the last joint's offset.
+    # A known payload makes the last joint's offset observable.
     carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
     last = identify(log, carries, encoder_offset=True, payload=False)
     deviation = last.standard_errors("encoder_offset")[-1]
@@ -203,7 +203,7 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
     gains = some_gains(known.joints, seed)
     prior = np.where(np.eye(known.joints), GAIN, CROSSTALK).ravel()
     inside = []
-    # The entries of one log err together, as the noise of a torque moves a whole row: their share needs several logs.
+    # Errors within a row of one log are correlated, so the share inside the intervals needs several logs.
     for noise in range(1 if seed < CLEAR else 4):
         arm, log = pinocchio_log(name, seed, gains=gains, noise=noise)
         carries = eqx.tree_at(lambda robot: robot.payload, known, arm.payload)
@@ -212,7 +212,7 @@ def test_gains_and_cross_talk_of_drives_are_identified_to_within_their_intervals
         assert (np.abs(values - gains) < 4.0 * deviations).all()
         inside.append(np.abs(values - gains) < 1.96 * deviations)
         least = least_errors(name, seed, full, "full", prior, gains)
-        # A factor of up to 3.7 in 8 to 20 logs of each motion.
+        # The factor is up to 3.7 in 8 to 20 logs of each motion.
         assert 0.8 * np.median(least) < np.median(deviations) < 4.0 * np.median(least)
         assert np.median(deviations) < 0.01 or seed >= CLEAR
     assert np.mean(inside) > 0.9
@@ -234,7 +234,7 @@ def test_a_poorly_observable_gain_is_reported_with_its_interval_and_a_warning():
     (weak,) = result.unseen
     assert weak.label == "gain of panda_joint7" and 0.1 * GAIN < weak.standard_error < 0.5 * GAIN
     low, high = weak.interval()
-    # The value is not that of before the log, 1, and the interval is narrower.
+    # The value differs from its prior, 1, and the interval is narrower.
     assert low < gains[6, 6] < high and abs(weak.value - 1.0) > 0.05
     line = next(line for line in str(result).splitlines() if line.startswith(weak.label))
     assert line.endswith("  poorly seen")

@@ -1,4 +1,4 @@
-"""Tools of arms that others described, by Pinocchio; and postures that others find."""
+"""Tool poses against Pinocchio, and inverse kinematics against pink and mink."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_pinocchio_confirms_the_tool_pose_along_a_path(name):
 
 @pytest.mark.parametrize("peer", ["pink", "mink"])
 def test_pink_and_mink_reach_the_same_posture_of_a_nonredundant_arm(peer):
-    """They step along velocities by quadratic programs; of six joints near one posture there is one answer."""
+    """Both integrate velocities from quadratic programs; near a posture, six joints have a unique solution."""
     package = pytest.importorskip(peer, reason="pip install pin-pink mink daqp")
     pytest.importorskip("daqp")
     arm, start, costs = arms.ur5e(), home("ur5e"), {"position_cost": 1.0, "orientation_cost": 1.0}

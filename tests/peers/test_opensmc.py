@@ -42,11 +42,11 @@ from slidax.simulation import Plant
 
 NEXT_TO_ONE = float(np.nextafter(1.0, 2.0))
 NONE = 1e-300
-"""For a parameter of slidax that must be positive and whose term OpenSMC does not have."""
+"""A negligible value for a positive parameter whose term OpenSMC does not have."""
 
 
 class OneJoint(AbstractRobot):
-    """`J q̈ = τ + τ_d`: a slide on a level rail."""
+    """`J q̈ = τ + τ_d`: a prismatic joint on a level rail."""
 
     joint_units: ClassVar[tuple[str, ...]] = ("m",)
     joint_names: ClassVar[tuple[str, ...]] = ("joint 1",)
@@ -69,14 +69,14 @@ class OneJoint(AbstractRobot):
 
 
 class Pair(NamedTuple):
-    """The same law twice.
+    """The same law in OpenSMC and in slidax.
 
-    - `peer`: makes OpenSMC's, whose memory is in the object.
-    - `ours`: slidax's.
-    - `sign`: of OpenSMC's sliding variable relative to slidax's.
-    - `inertia`: of the joint that both are for.
-    - `accelerates`: whether OpenSMC's law takes the reference acceleration; if not, they agree where that is zero.
-    - `reach`: errors below this, where both formulas are the same.
+    - `peer`: creates OpenSMC's law, whose memory is in the object.
+    - `ours`: slidax's law.
+    - `sign`: sign of OpenSMC's sliding variable relative to slidax's.
+    - `inertia`: inertia of the joint.
+    - `accelerates`: True if OpenSMC's law uses the reference acceleration; if not, it must be zero to agree.
+    - `reach`: both formulas agree for errors below this.
     """
 
     peer: Callable[[], Any]
@@ -146,7 +146,7 @@ GOAL, START, PUSH = 0.3, (-0.4, 0.5), 0.8
 
 def by_opensmc(pair: Pair, period: float, steps: int, method: str = "rk4", push: Any = PUSH) -> dict[str, np.ndarray]:
     """The closed loop by OpenSMC's own simulator."""
-    # Its number of steps is int(T/dt), so half a step is added that is cut off again.
+    # OpenSMC takes int(T/dt) steps; the additional half step prevents a loss by rounding.
     simulator = Simulator(dt=period, T=(steps + 0.5) * period, method=method)
     force = push if callable(push) else lambda t: push
     return simulator.run(
@@ -180,7 +180,7 @@ TERMINAL = peer_surfaces.TerminalSurface(beta=4.0, p=5, q=7)
 
 
 def random_errors(reach, seed=0, least=0.0):
-    """Errors with `least < |e| < reach`, and rates of theirs."""
+    """Random errors with `least < |e| < reach`, and random rates."""
     draw = np.random.default_rng(seed)
     e = draw.uniform(least, reach, STATES) * draw.choice([-1.0, 1.0], STATES)
     return e, draw.normal(0.0, 3.0, STATES)
@@ -190,7 +190,7 @@ def random_errors(reach, seed=0, least=0.0):
     ("ours", "peer", "least", "reach"),
     [
         pytest.param(Linear(7.0), peer_surfaces.LinearSurface(c=7.0), 0.0, 3.0, id="linear"),
-        # Zak's surface has no core, so theirs is that of slidax's outside of the core, with the other power left out.
+        # Zak's surface has no core: it equals slidax's outside the core, without the other power.
         pytest.param(LinearCoreFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2), TERMINAL, 1e-2, 3.0, id="terminal, linear core"),
         pytest.param(SmoothFixedTime(4.0, NONE, 5 / 7, 2.0, 1e-2), TERMINAL, 1e-2, 3.0, id="terminal, smooth core"),
         pytest.param(
@@ -206,11 +206,11 @@ def random_errors(reach, seed=0, least=0.0):
     ],
 )
 def test_sliding_variables_agree_with_opensmc(ours, peer, least, reach):
-    """For any error where slidax's surface is on the branch that OpenSMC has.
+    """At random errors for which slidax's surface is on the branch that OpenSMC implements.
 
     OpenSMC's fast terminal surface has the exponent q/p > 1; the one of Yu and Man (2002), which it cites, has an
-    exponent below 1. Near zero the former is linear, so that the error decays exponentially there. It is compared as
-    it is: as slidax's linear core plus the power above 1.
+    exponent below 1. Near zero the former is linear, so that the error decays exponentially there. The test compares it
+    as implemented, with slidax's linear core plus the power above 1.
     """
     e, de = random_errors(reach, least=least)
     wanted = [peer.compute(float(a), float(b)) for a, b in zip(e, de, strict=True)]
@@ -278,16 +278,16 @@ def answers_of_opensmc(pair, rows):
 def test_torques_and_sliding_variables_agree_with_opensmc(name):
     """At random states, to 1e-12.
 
-    Where the two would differ, as their formulas stand:
+    Differences between both formulas, and their treatment here:
 
     - ClassicalSMC: its code has `J (q̈_d + c ė)` for `e = x_ref - x`, as it must be; the head of its file prints the
-      term in ė with the sign that belongs to `e = x - x_ref`. With a surface given to it, it leaves that part out; so
-      it is used without one.
-    - FixedTimeSMC and NFTSMC leave out the reference acceleration: the same law for references without one.
+      term in ė with the sign for `e = x - x_ref`. With a surface argument it omits that part, so the test passes no
+      surface.
+    - FixedTimeSMC and NFTSMC omit the reference acceleration; the laws agree for references without acceleration.
     - FixedTimeSMC cites Polyakov (2012), whose surface for the second-order plant is nonlinear. With the linear
       surface here the sliding variable is brought to zero within `T_max`; the error then decays exponentially.
-    - NFTSMC adds 1e-15 to `|e|` before it takes the power γ - 1 < 1: relative to its term (γ - 1) 1e-15/|e|, which is
-      beneath 1e-13 for the errors here, above 0.01.
+    - NFTSMC adds 1e-15 to `|e|` before it takes the power γ - 1 < 1: a relative change of (γ - 1) 1e-15/|e|, which is
+      below 1e-13 for the errors here, which exceed 0.01.
     """
     pair = PAIRS[name]
     rows = states(pair)
@@ -328,9 +328,9 @@ def both_loops(pair):
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_smooth_loops_agree_at_every_sample(name):
-    """The torque held and the plant moved by the classical Runge-Kutta step, in both; 3 s, 3072 steps.
+    """Both hold the torque and move the plant by classical Runge-Kutta steps; 3 s, 3072 steps.
 
-    To a set-point, since OpenSMC's simulator has no way to hand a reference acceleration to the law.
+    The reference is a set-point, since OpenSMC's simulator passes no reference acceleration to the law.
     """
     theirs, ours = both_loops(SMOOTH[name])
     np.testing.assert_allclose(ours, theirs, **SAME)
@@ -339,7 +339,7 @@ def test_smooth_loops_agree_at_every_sample(name):
 
 @pytest.mark.parametrize("name", SHARP)
 def test_discontinuous_loops_agree_until_the_surface_and_stay_close_after(name):
-    """On the surface a rounding can turn a sign, and with it the torque of a whole period."""
+    """On the surface, rounding can flip a sign, and so the torque of a whole period."""
     theirs, ours = both_loops(SHARP[name])
     reached = int(np.argmax(np.abs(theirs[:, 4]) < 0.02))
     assert 0 < reached < STEPS // 2
@@ -367,7 +367,7 @@ OTHERWISE = {
 @pytest.mark.parametrize("name", SMOOTH)
 @pytest.mark.parametrize("how", OTHERWISE)
 def test_difference_of_stepping_schemes_vanishes_at_first_order(name, how):
-    """One solution behind both: OpenSMC's Euler step is explicit, its law is sampled and its disturbance is held."""
+    """Both approximate one solution; OpenSMC's Euler step is explicit, its law sampled, its disturbance held."""
     differences = [apart(SMOOTH[name], steps, **OTHERWISE[how]) for steps in (256, 512, 1024)]
     assert np.log2(np.divide(differences[:-1], differences[1:])) == pytest.approx([1.0] * 2, abs=0.1)
     assert 1e-5 < differences[-1] < 2e-2
@@ -376,7 +376,7 @@ def test_difference_of_stepping_schemes_vanishes_at_first_order(name, how):
 def test_opensmcs_fixed_time_bound_holds_for_slidaxs_reaching_law():
     """`1/(α (1-p)) + 1/(β (q-1))`, from starts up to 10^6 away, without a disturbance.
 
-    It is stated as a settling time; what has settled by then is the sliding variable, see above.
+    OpenSMC states it as a settling time, but only the sliding variable has settled by then, see above.
     """
     law = FIXED_TIME.peer()
     reaching = FIXED_TIME.ours.reaching

@@ -1,4 +1,4 @@
-"""The loop refereed by diffrax and scipy on smooth problems, with the order at which it converges to them."""
+"""The simulation loop against diffrax and scipy on smooth problems, with its order of convergence."""
 
 from functools import cache
 
@@ -20,7 +20,7 @@ END = 1.2
 
 
 def closed_loop(plant, controller, trajectory, start):
-    """The same loop as a plain differential equation, put together without `slidax.simulation`'s stepping."""
+    """The loop as a plain differential equation, without the stepping of `slidax.simulation`."""
     n = start.q.shape[0]
     memory = controller.init(jnp.zeros(()), start, trajectory.reference(jnp.zeros(())))
 

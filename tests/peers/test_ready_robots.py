@@ -1,4 +1,4 @@
-"""The built-in arms by slidax, by Pinocchio, by MuJoCo, and by what others have written of the same arms."""
+"""Dynamics of the built-in arms against Pinocchio, MuJoCo and published models of the same arms."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_dynamics_of_a_built_in_arm_agree_with_pinocchio_and_mujoco(name, by_pee
 
 
 def without_the_hand(text: str, tip: str) -> str:
-    """Up to the flange; with right angles as they are meant, which the file prints as 1.5708."""
+    """The URDF up to the flange, with exact right angles in place of the file's 1.5708."""
     tree = ElementTree.fromstring(text.replace("1.5708 ", f"{np.pi / 2!r} "))
     joints = {joint.find("child").get("link"): joint for joint in tree.iter("joint") if joint.find("child") is not None}
     carried, link = {tip}, tip
@@ -69,7 +69,7 @@ def test_a_built_in_arm_moves_like_the_urdf_of_example_robot_data(name, file):
 
 
 def test_inertia_gravity_and_coriolis_forces_of_the_gen3_agree_with_published_closed_forms():
-    """Of pyKinovaGen3, whose formulas were derived by computer algebra; its tip is printed to fewer digits."""
+    """Formulas of pyKinovaGen3, derived by computer algebra; its tip position has fewer digits."""
     pytest.importorskip("kinova_gen3")
     from kinova_gen3.dynamics.coriolis import coriolis
     from kinova_gen3.dynamics.gravity import gravity

@@ -28,7 +28,7 @@ def of_pinocchio(arm: Arm):
 
 
 def of_mujoco(arm: Arm):
-    """Without shapes, whose meshes MuJoCo would need, and without joining what is fixed."""
+    """MuJoCo's model without shapes, whose meshes it would need, and without fusing fixed links."""
     with reading():
         spec = mujoco.MjSpec.from_file(arm.path)
         for shape in (*spec.geoms, *spec.meshes):
@@ -108,7 +108,7 @@ def test_dynamics_of_an_arm_with_mimic_joints_agree_with_pinocchio(text):
     model.damping = np.zeros(model.nv)
     motion = jax.jit(lambda q, dq: (arm.mass(q), arm.bias(q, dq), arm.gravity(q)))
     for q, dq in np.random.default_rng(5).uniform(-2.0, 2.0, (3, 2, arm.joints)):
-        # Its crba adds to what an earlier call left in the rows of leaders.
+        # Pinocchio's crba adds to the result of an earlier call in the rows of leaders.
         data = model.createData()
         mass = np.array(pinocchio.crba(model, data, q))
         mass = np.triu(mass) + np.triu(mass, 1).T

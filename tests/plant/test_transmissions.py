@@ -66,7 +66,7 @@ class Held(Prescribed):
 
 
 class Pulse(Prescribed):
-    """A torque until a time."""
+    """A constant torque until the time `until`."""
 
     until: float
 
@@ -88,14 +88,14 @@ def test_a_sticking_joint_deflects_by_about_the_force_over_the_bristle_stiffness
     force, overdamped = 0.05 * 0.45, LuGre(0.3, 0.45, 0.05, 1e4, 400.0)
     log = run(Transmission(overdamped), t1=2.0, force=[force]).log
     q, dq = np.asarray(log.state.q[-1]), np.asarray(log.state.dq[-1])
-    # z = F/σ₀, and dq = dz/(1 - σ₀ z/F_s) while it gives way slowly.
+    # z = F/σ₀, and dq = dz/(1 - σ₀ z/F_s) while the joint creeps.
     assert q[0] == pytest.approx(-0.45 / 1e4 * np.log(1.0 - 0.05), rel=1e-3)
     assert abs(dq[0]) < 1e-9
 
 
 @pytest.mark.parametrize("speed", [0.01, -0.05, 0.2, 3.0])
 def test_steady_sliding_has_the_friction_of_the_stribeck_curve(speed):
-    # A mass this heavy keeps its speed, and what it loses is the friction.
+    # A mass this heavy nearly keeps its speed; its loss of momentum is the friction.
     run_of = run(Transmission(FRICTION), robot=FreeMass(1e6), start=(0.0, speed), t1=2.0, h=1e-3)
     dq = np.asarray(run_of.log.state.dq)[:, 0]
     lost = -1e6 * (dq[-1] - dq[-201]) / 0.2
@@ -133,7 +133,7 @@ def test_stiff_bristles_are_stable_at_a_step_of_a_millisecond():
     dq = np.asarray(log.state.dq)[:, 0]
     assert np.all(np.abs(dq) <= 1.0)
     assert np.all(np.abs(dq[-100:]) < 1e-9)
-    # It stops where Coulomb friction of 0.3 to 0.45 N stops it.
+    # It stops within the distance for Coulomb friction of 0.3 to 0.45 N.
     assert 0.5 * MASS / 0.45 < float(log.state.q[-1, 0]) < 0.5 * MASS / 0.3
 
 
@@ -191,7 +191,7 @@ def test_an_arm_with_friction_and_springs_converges_to_the_stiff_solver_with_ord
 
 @pytest.mark.parametrize("encoder", ["motor", "link"])
 def test_the_encoder_measures_the_motor_or_the_link_as_declared(encoder):
-    """A pendulum of 3 N m that a stiff law holds bends its spring by its weight over the stiffness."""
+    """A pendulum of 3 N m, held by a stiff law, deflects its spring by its weight over the stiffness."""
     elastic = Transmission(elasticity=Elasticity(600.0, 0.3, 3.0, encoder=encoder))
     law = Held([0.0], 40.0, 8.0)
     start = State([1.0], [0.0])
@@ -217,7 +217,7 @@ BOTH = {
 
 
 def test_engines_and_batches_agree_on_an_arm_with_friction_and_springs():
-    # Later on the law makes these springs swing, and rounding grows.
+    # Later the law makes these springs oscillate, which amplifies rounding.
     scenario = load(ARM, BOTH | {"simulation.t1": 0.15})
     native, xla = (scenario.replace(engine=engine).simulate(log_every=1).log for engine in ("native", "xla"))
     np.testing.assert_allclose(native.e, xla.e, atol=1e-9)
@@ -232,7 +232,7 @@ def test_engines_and_batches_agree_on_an_arm_with_friction_and_springs():
 
 
 def test_friction_of_an_elastic_joint_acts_on_the_motor():
-    """An arm whose motors are stuck moves by its springs alone."""
+    """An arm with stuck motors moves only by its springs."""
     stuck = Transmission(LuGre(50.0, 50.0, stiffness=1e6), Elasticity(500.0, 0.3, 30.0))
     plant = Plant(Pendulum(), Constant([10.0]), transmission=stuck)
     start = State([0.5], [0.0])

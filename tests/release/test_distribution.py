@@ -76,7 +76,7 @@ def test_extra_all_has_every_extra_except_cuda():
     assert sorted(named) == sorted(set(EXTRAS) - {"all", "cuda"})
 
 
-def test_every_remedy_names_an_existing_extra():
+def test_every_install_hint_names_an_existing_extra():
     named = set()
     for path in [*(ROOT / "src").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]:
         for listed in re.findall(r"slidax\[([\w,-]+)\]", path.read_text(encoding="utf-8")):

@@ -53,7 +53,7 @@ def work(monkeypatch, number, sent):
 def test_a_command_is_used_at_its_tick_only_if_sent_before_that_tick(monkeypatch, number, late, taken):
     reason, counts, came = work(monkeypatch, number, late)
     assert [k for k, it_came, _ in came if it_came] == ([] if taken is None else [taken])
-    # After 20 ticks without one it brakes, and that it rests is its end.
+    # After 20 ticks without a command the arm brakes, and the loop ends when the arm is at rest.
     ticks = 21 if taken is None else taken + 22
     assert [braking for _, _, braking in came] == [False] * (ticks - 1) + [True]
     assert (reason, counts["ticks"], counts["held"]) == ("no command", ticks, ticks - (taken is not None))

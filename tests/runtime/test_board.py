@@ -33,7 +33,7 @@ def test_mailbox_ignores_a_message_that_is_being_written():
     assert there.get() == -2
     row[20] ^= 1
     assert there.get() == 4
-    # The body of another number in its place.
+    # Another number for this place does not fit the body.
     row[:8].view(np.int64)[0] = 12
     assert there.get() == -2
 

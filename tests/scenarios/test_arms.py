@@ -1,4 +1,4 @@
-"""Scenario files with arms of rigid links: what they become, and how they are refused."""
+"""Scenario files with arms of rigid links: the plant and the law that they build, and refused files."""
 
 from functools import cache
 from pathlib import Path
@@ -30,7 +30,7 @@ def text() -> str:
 
 
 def arms(robot: dict[str, Any]) -> Arms:
-    """The two arms alone: the law is not built, for which M would be compiled."""
+    """Return the two arms without the law, whose construction would compile M."""
     return scenarios.parse(text(), {"robot": robot}).robot.build()
 
 
@@ -45,7 +45,7 @@ def nominal(robot: dict[str, Any]) -> Articulated:
 
 
 @pytest.mark.parametrize("kind", robots.built_in_names())
-def test_a_built_in_robot_needs_its_name_alone(kind):
+def test_a_built_in_robot_is_selected_by_its_name_alone(kind):
     true, known, load = arms({"kind": kind})
     assert eqx.tree_equal(known, robots.built_in_arm(kind).robot) and eqx.tree_equal(true, known)
     assert load is None
@@ -167,7 +167,7 @@ def test_the_plant_and_the_law_have_the_pandas_data_sheet_torque_limits():
     panda = robots.panda()
     expected = TorqueLimits(panda.limits.torque, panda.limits.torque_rate)
     assert built.plant.actuator is not None and eqx.tree_equal(built.plant.actuator.limits, expected)
-    # And the law is told of them.
+    # The law gets the same limits.
     assert eqx.tree_equal(built.controller.limits, expected)
     np.testing.assert_array_equal(panda.limits.torque, [87, 87, 87, 87, 12, 12, 12])
 

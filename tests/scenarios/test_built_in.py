@@ -18,7 +18,7 @@ ACCURACY = {TWO_LINK: 3e-6, SCARA: 5e-6}
 SMOOTHNESS = {TWO_LINK: 0.5, SCARA: 0.01}
 BOTH = pytest.mark.parametrize("name", [TWO_LINK, SCARA])
 IN_FULL = {name: pytest.param(name, marks=pytest.mark.full) for name in (TWO_LINK, SCARA)}
-# Both in the long version, by turns one of them every day.
+# The long version runs both examples, each daily test one of them.
 TWO_LINK_DAILY = pytest.mark.parametrize("name", [TWO_LINK, IN_FULL[SCARA]])
 SCARA_DAILY = pytest.mark.parametrize("name", [IN_FULL[TWO_LINK], SCARA])
 
@@ -55,7 +55,7 @@ def test_runs_at_1_khz_stay_inside_the_envelope_with_small_error_and_smooth_torq
 
 
 @SCARA_DAILY
-def test_at_500_hz_runs_stay_inside_the_envelope(name):
+def test_runs_at_500_hz_stay_inside_the_envelope(name):
     assert_never_outside(simulated_example(name, simulation__period=2e-3)[1])
 
 
@@ -67,10 +67,10 @@ SLOW = [
 
 
 @pytest.mark.parametrize(("name", "delay", "period"), SLOW)
-def test_near_100_hz_runs_stay_inside_the_envelope(name, delay, period):
-    """At exactly 100 Hz the disturbance's own 100 Hz are not seen by the samples; at 11 ms they are.
+def test_runs_near_100_hz_stay_inside_the_envelope(name, delay, period):
+    """Sampling at exactly 100 Hz hides the disturbance's 100 Hz component; a period of 11 ms does not.
 
-    The SCARA's 0.4 mrad with a delay need a faster loop than the default, which bears any arm and delay.
+    With a delay, the SCARA's bound of 0.4 mrad needs a faster loop than the default, which suits any arm and delay.
     """
     t1 = 10.0 if period == 0.01 else 9.9
     changes = {"simulation__period": period, "simulation__t1": t1, "simulation__substeps": 50, "sensor__delay": delay}
@@ -134,7 +134,7 @@ def test_the_arm_recovers_from_a_disturbance_during_sixty_lost_samples(name, pus
     assert outcome.t is not None and outcome.back is not None and 8.0 < outcome.t <= 8.06 + 1e-9
     assert outcome.back - outcome.t <= 1.5
     assert int(run.tally.samples) == round(scenario.t1 / scenario.period) + 1
-    # In the end as accurate as if nothing had been.
+    # The final error is as small as without the disturbance.
     error = run.state.q - scenario.trajectory.position(jnp.asarray(scenario.t1))
     assert largest(np.abs(error)) <= ACCURACY[name]
 
@@ -145,7 +145,7 @@ EVERY_OTHER = [
     pytest.param(name, scheme, marks=[] if (name, scheme) in DAILY_OTHERS else [pytest.mark.full])
     for name, scheme in itertools.product((TWO_LINK, SCARA), OTHERS)
 ]
-"""All of them in the long version; every day, `tests/laws/test_schemes.py` has each on one of the arms."""
+"""The long version runs all of them; daily, `tests/laws/test_schemes.py` runs each scheme on one of the arms."""
 
 
 @pytest.mark.parametrize(("name", "scheme"), EVERY_OTHER)
@@ -173,7 +173,7 @@ PROMISED = {
     ("panda-payload", "exact"): (5e-5, 0.12),
     ("panda-pick", "encoders"): (5e-4, 0.6),
     ("panda-pick", "exact"): (5e-5, 0.12),
-    # At 500 Hz a period is twice as long, and the error is with its square.
+    # The error grows with the square of the period, which is twice as long at 500 Hz.
     ("ur5e-payload", "encoders"): (1e-3, 0.5),
     ("ur5e-payload", "exact"): (5e-4, 0.3),
 }
@@ -196,9 +196,9 @@ def assert_kept(name: str, measured: str, plant: str) -> None:
     assert np.all(analysis.max_torque_step(run) <= np.asarray(drive.limits.rate) * scenario.period * (1 + 1e-9))
 
 
-# A load that is picked up on the way is the payload from then on, and no load before.
+# `panda-pick` covers the payload: the arm carries it from the pick on, and nothing before.
 @pytest.mark.parametrize("name", ["panda-pick", pytest.param("ur5e-payload", marks=pytest.mark.full)])
-def test_with_encoders_alone_an_arm_with_an_unknown_payload_stays_inside_its_envelope(name):
+def test_an_arm_with_encoders_alone_and_an_unknown_payload_stays_inside_its_envelope(name):
     assert_kept(name, "encoders", "own")
 
 
@@ -218,7 +218,7 @@ def test_runs_with_static_friction_stay_inside_the_envelope(measured):
     run = simulated_arm("panda-payload", **MEASURED[measured], **DRY)[1]
     assert run.outcome.ok, run.outcome.message
     if measured == "exact":
-        # Where nothing blurs it, the torque follows friction that jumps as fast as its drive lets it.
+        # With exact measurements, the torque follows the jumps of friction as fast as the drive allows.
         assert np.max(analysis.steady_error(run)) <= 1e-4
     else:
         assert np.max(analysis.steady_error(run)) <= 5e-4 and np.max(analysis.steady_torque_step(run)) <= 0.6

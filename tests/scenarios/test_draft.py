@@ -101,7 +101,7 @@ def test_the_draft_motion_of_a_built_in_arm_stays_within_its_limits(tmp_path, na
     assert (q > np.asarray(nominal.limits.lower)).all() and (q < np.asarray(nominal.limits.upper)).all()
 
 
-def test_plausible_limits_are_used_unchanged(tmp_path):
+def test_a_draft_uses_plausible_torque_limits_unchanged(tmp_path):
     drafted, scenario = new(tmp_path, arm())
     assert np.asarray(scenario.controller.limits.torque).tolist() == list(EFFORTS) and drafted.notes == ()
     assert scenario.robot == "urdf" and "four, 4 joints" in repr(scenario)
@@ -117,7 +117,7 @@ def test_plausible_limits_are_used_unchanged(tmp_path):
         ((20.0, 40.0, 15.0, 900.0), "j4: 900 N m"),
     ],
 )
-def test_a_placeholder_limit_is_reported_with_its_replacement(tmp_path, efforts, message):
+def test_a_placeholder_torque_limit_is_reported_with_its_replacement(tmp_path, efforts, message):
     drafted, scenario = new(tmp_path, arm(efforts))
     (note,) = [note for note in drafted.notes if message in note]
     assert "is assumed" in note
@@ -160,7 +160,7 @@ def test_continuous_and_prismatic_joints_get_a_motion_of_suitable_size(tmp_path)
     assert analysis.envelope_violations(scenario.simulate()) == 0
 
 
-def test_a_file_with_two_arms_needs_the_tip(tmp_path):
+def test_a_robot_file_with_two_arms_is_refused_without_a_tip(tmp_path):
     other = arm().split('<link name="base"/>')[1].removesuffix("</robot>")
     for name in ("shoulder", "upper", "fore", "wrist", "j1", "j2", "j3", "j4"):
         other = other.replace(f'"{name}"', f'"other_{name}"')
@@ -180,7 +180,7 @@ def test_a_file_with_two_arms_needs_the_tip(tmp_path):
         ("panda", float("nan"), "20 to 20000 Hz"),
     ],
 )
-def test_draft_of_an_unknown_robot_or_rate_is_refused_in_one_line(robot, rate, message):
+def test_a_draft_for_an_unknown_robot_or_an_invalid_rate_is_refused(robot, rate, message):
     with pytest.raises(DefinitionError, match=message):
         draft(robot, rate)
 
@@ -219,7 +219,7 @@ def test_an_arm_with_a_mimic_joint_is_refused_and_the_suggested_tip_works(tmp_pa
     assert scenario.controller.nominal.joint_names == ("j1", "j2")
 
 
-def test_a_file_with_only_mimic_joints_and_their_leaders_needs_the_tip(tmp_path):
+def test_a_file_with_only_mimic_joints_and_their_leaders_is_refused_without_a_tip(tmp_path):
     text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
     with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
         new(tmp_path, text)

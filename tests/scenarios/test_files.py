@@ -1,4 +1,4 @@
-"""Scenario files: shipped scenarios are valid, files are found, and replaced parts take effect."""
+"""Scenario files: shipped scenarios are valid, relative paths are resolved, and replaced parts take effect."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ BUILT_IN = Path(scenarios.__file__).parent / "built_in"
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
 
 PAPER = [name for name in scenarios.names() if name.startswith("example-")]
-"""The others are our own."""
+"""The scenarios of the paper's examples."""
 
 
 @pytest.mark.parametrize("name", scenarios.names())
@@ -42,7 +42,7 @@ TIMES = np.linspace(0.0, 10.0, 101)
 
 
 @pytest.mark.parametrize("name", PAPER)
-def test_the_example_follows_the_motion_that_the_paper_prints(name):
+def test_a_paper_example_has_the_trajectory_of_the_paper(name):
     t = TIMES
     printed = {
         "example-4.1": [
@@ -56,7 +56,7 @@ def test_the_example_follows_the_motion_that_the_paper_prints(name):
 
 
 @pytest.mark.parametrize("name", PAPER)
-def test_the_example_is_disturbed_as_the_paper_prints(name):
+def test_a_paper_example_has_the_disturbance_of_the_paper(name):
     t = TIMES
     ripple = 0.5 * np.sin(200 * np.pi * t)
     printed = {
@@ -109,7 +109,7 @@ def test_the_documented_sensor_actuator_and_sampled_data_blocks_run_inside_the_e
     run = built.simulate(log_every=None)
     assert run.outcome.ok, run.outcome.message
     assert int(run.tally.violations) == 0
-    # Without the form, the same law with the same sensor is lost.
+    # Without its sampled-data form, the same law with the same sensor diverges.
     printed = scenarios.parse(scenario, rate).build("printed").simulate(log_every=None)
     assert printed.outcome.kind == "not_finite"
 
@@ -174,7 +174,7 @@ def test_relative_paths_in_an_override_start_at_the_current_folder(folder, monke
     assert mass(changed) == 3.0
 
 
-def test_a_missing_file_is_named_with_its_folder(folder):
+def test_a_missing_robot_file_is_reported_with_its_folder(folder):
     (folder / "task" / "arms" / "one.urdf").unlink()
     with pytest.raises(DefinitionError, match=r"^robot: .*task/arms/one.urdf"):
         scenarios.load(folder / "task" / "one.yaml")
@@ -234,7 +234,7 @@ def test_a_batch_of_scenarios_equals_single_runs():
     assert np.any(runs[0].tally.last_torque != runs[1].tally.last_torque)
 
 
-def test_the_same_batch_is_compiled_once():
+def test_a_repeated_batch_is_compiled_only_once():
     BASE.simulate_batch(with_gain, GAINS, log_every=1)
     before = native_engine._compiled_batch.cache_info().misses
     BASE.simulate_batch(with_gain, GAINS, log_every=1)

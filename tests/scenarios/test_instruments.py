@@ -81,7 +81,7 @@ def test_an_actuator_block_builds_the_described_actuator(described, actuator):
     assert eqx.tree_equal(loaded(actuator=described).plant.actuator, actuator)
 
 
-def test_a_sensor_without_seed_has_the_seed_zero_and_an_outage_begins_at_the_nearest_sample():
+def test_the_default_sensor_seed_is_zero_and_an_outage_begins_at_the_nearest_sample():
     sensor = loaded(
         {"loss": {"outages": [{"start": 0.0299, "samples": 1}]}}, **{"simulation.period": 2e-3}
     ).plant.sensor
@@ -106,7 +106,7 @@ def test_a_law_without_sampled_data_form_runs_with_a_sensor_and_an_actuator():
     assert np.asarray(free.tally.peak_torque).max() > 100
 
 
-def test_the_files_policy_outside_the_envelope_applies_to_the_run():
+def test_the_option_outside_decides_if_a_start_outside_the_envelope_is_refused():
     assert scenarios.load("example-4.1").stepping.outside == "raise"
     assert scenarios.load(NAME).stepping.outside == "recover"
     start = {"start.q": [5.0, 5.0], "simulation.t1": 0.01}
@@ -137,8 +137,8 @@ def test_equal_seeds_give_equal_runs_and_other_seeds_other_runs():
         ),
     ],
 )
-def test_a_sensor_by_kind_equals_the_sensor_of_the_short_fields(flat, instrument):
-    """With the law's own estimator, which goes by what is measured and how well."""
+def test_a_sensor_selected_by_kind_equals_the_sensor_of_the_short_fields(flat, instrument):
+    """The laws are compared as well: the default estimator depends on the measured signals and their accuracy."""
     block = {"delay": 1.0, "loss": {"probability": 0.01}}
     short, other = (
         scenarios.load("example-4.1-1khz", {"sensor": {**block_of, **block}})

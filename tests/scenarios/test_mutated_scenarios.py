@@ -1,4 +1,4 @@
-"""A mutated scenario is refused with one line, or it runs to an outcome."""
+"""A mutated scenario is refused with a short message, or it runs to an outcome."""
 
 import copy
 import datetime
@@ -78,7 +78,7 @@ OTHERS = (
 
 @functools.cache
 def loaded() -> dict[str, dict[str, Any]]:
-    """The built-in scenarios with all their values written out, and others for what they have not."""
+    """The built-in scenarios with all their values written out, and scenarios with the other trajectories and laws."""
     bases = {name: _written_out(name) for name in names()}
     plain, sampled = bases["example-4.1"], bases["example-4.1-1khz"]
     for motion in TRAJECTORIES:
@@ -110,13 +110,13 @@ ANY = ("number", "number", "other", "other", "gone", "list", "scaled", "swapped"
 """Kinds of mistakes."""
 
 SUBTLE = ("scaled", "scaled", "number", "gone", "list")
-"""Those that a scenario may survive until it is simulated."""
+"""Kinds of mistakes that may show only in a simulation."""
 
 
 def mutated(
     data: dict[str, Any], chance: random.Random, kinds: tuple[str, ...] = ANY
 ) -> tuple[dict[str, Any], list[str]]:
-    """A scenario with one to three mistakes in it, and what they are."""
+    """A scenario with one to three mistakes, and a list of the mistakes."""
     data = copy.deepcopy(data)
     mistakes = []
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
@@ -129,7 +129,7 @@ def mutated(
 
 
 def _places(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
-    """The paths of all values, of blocks and lists too, but none of the many in a long list."""
+    """The paths of all values, blocks and lists; of a long block or list, those of its first 40 entries."""
     if path:
         yield path
     children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -179,11 +179,11 @@ LONGEST_LINE = 1000
 """Characters; the longest lines list all known kinds."""
 
 SECONDS = 20.0
-"""Of processor time, the most that a case may take."""
+"""Largest processor time of a case [s]."""
 
 
 def survives(seed: str, kinds: tuple[str, ...], *, simulated: bool = False) -> str:
-    """The last stage of a mutated scenario. A message of several lines, or any other error, fails."""
+    """Return the last stage of a mutated scenario. A long message or any other error fails the test."""
     chance = random.Random(seed)
     name, base = chance.choice(list(loaded().items()))
     data, mistakes = mutated(base, chance, kinds)
@@ -211,13 +211,13 @@ def survivors(label: str, cases: int, kinds: tuple[str, ...], *, simulated: bool
         return {survives(f"{label} {case}", kinds, simulated=simulated) for case in range(cases)}
 
 
-def test_a_mutated_scenario_is_refused_in_a_line_or_built():
+def test_a_mutated_scenario_is_built_or_refused_with_a_short_message():
     stages = survivors("daily", 60, ANY)
     assert stages == {"refused before it was parsed", "refused before it was built", "built"}
 
 
 @pytest.mark.full
-def test_thousands_of_mutated_scenarios_are_refused_in_a_line_or_built():
+def test_thousands_of_mutated_scenarios_are_built_or_refused_with_a_short_message():
     survivors("full", 4000, ANY)
     survivors("subtle", 1000, SUBTLE)
 

@@ -1,4 +1,4 @@
-"""A scenario file names a class of the user's own, where that is allowed."""
+"""Scenario files that name a user's class, which needs permission to run code."""
 
 import warnings
 
@@ -59,7 +59,7 @@ class Simple(AbstractModelBased):
 
 @pytest.fixture
 def own_file(tmp_path, monkeypatch):
-    """A scenario with a surface of the user's own, next to its module."""
+    """A scenario with a user's surface, next to its module."""
     monkeypatch.delenv(VARIABLE, raising=False)
     # The variable is restored after a test that sets it.
     monkeypatch.setenv(VARIABLE, "0")
@@ -134,7 +134,7 @@ LAW = "straight_surface:Simple"
 
 @pytest.fixture
 def own_law(own_file):
-    """A scenario whose scheme is a law of the user's own, with its sampled-data form or without."""
+    """A scenario whose scheme is a user's law, with or without its sampled-data form."""
 
     def of(printed=False, **values):
         folder, text = own_file

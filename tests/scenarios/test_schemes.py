@@ -29,7 +29,7 @@ from tests.rivals import (
 
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "scenarios.md"
 OTHERS = [name for name in SCHEMES if name not in ("cftsmppc", "sliding_mode")]
-"""But for the one that a file has, and the one whose parts must all be named."""
+"""All schemes except that of the files and `sliding_mode`, whose parts must all be named."""
 
 BY_HAND = [
     ("example-4.1", "ftsmc", {}, ftsmc_4_1()),
@@ -55,7 +55,7 @@ PLACES = [
     for k, name in enumerate(OTHERS)
     for other in (0, 1)
 ]
-"""Every scheme in every example; by turns one of the two is for every day."""
+"""Every scheme in both examples; daily tests run it in one of them, alternating."""
 
 
 @pytest.mark.parametrize(("example", "name"), PLACES)
@@ -189,7 +189,7 @@ def test_a_preset_is_the_same_in_python_and_in_a_file():
         ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a parameter of `surface`, which the call replaces as well"),
     ],
 )
-def test_preset_with_wrong_arguments_is_refused(options, message):
+def test_a_preset_with_invalid_arguments_is_refused(options, message):
     nominal = scenarios.load("example-4.1").controller.nominal
     with pytest.raises(DefinitionError, match=message):
         controllers.cftsmppc(nominal, **options)
@@ -209,7 +209,7 @@ def test_preset_with_wrong_arguments_is_refused(options, message):
         ({"scheme": 3, "scheme.name": "ftsmc"}, r"^scheme: .*got 3"),
     ],
 )
-def test_wrong_scheme_is_refused_with_its_path(changes, message):
+def test_an_invalid_scheme_is_refused_with_its_path(changes, message):
     with pytest.raises(DefinitionError, match=message):
         scenarios.load("example-4.1", changes)
 
@@ -224,7 +224,7 @@ def test_the_documented_schemes_of_table_2_match_the_papers_parameters():
         assert eqx.tree_equal(built, by_hand[row["name"]], typematch=False)
 
 
-def test_every_scheme_class_is_the_law_of_a_preset():
+def test_every_controller_class_belongs_to_a_preset_scheme():
     laws = {
         thing
         for thing in vars(controllers).values()
@@ -234,7 +234,7 @@ def test_every_scheme_class_is_the_law_of_a_preset():
     }
     presets = {name: thing for name, thing in vars(controllers).items() if isinstance(thing, Preset)}
     assert sorted(presets) == list(SCHEMES)
-    # A form of the others, and not a scheme of its own: the block `sampled_data` in theirs.
+    # `SampledData` is no scheme but a form of the others, described by their block `sampled_data`.
     assert {preset.law for preset in presets.values()} == laws - {controllers.SampledData}
 
 

@@ -84,7 +84,7 @@ def test_a_trajectory_file_is_read_from_the_current_folder(kind, content, tmp_pa
         loaded({"kind": kind, "file": "gone.txt"})
 
 
-def test_the_word_robot_means_the_robots_limits():
+def test_the_value_robot_of_a_limit_stands_for_the_robots_own_limit():
     quintic = described({"kind": "quintic", "waypoints": PATH, "velocity": "robot", "acceleration": 30.0})
     assert eqx.tree_equal(
         quintic.build(LIMITS), MinimumJerk.within(PATH, velocity=[2.0, 1.5], acceleration=30.0), rtol=1e-12, atol=1e-12
@@ -99,7 +99,7 @@ def test_the_word_robot_means_the_robots_limits():
         described(table).build(low)
 
 
-def test_the_word_robot_is_refused_for_a_robot_without_limits():
+def test_the_value_robot_of_a_limit_is_refused_for_a_robot_without_limits():
     quintic = described({"kind": "quintic", "waypoints": PATH, "velocity": "robot", "acceleration": 30.0})
     with pytest.raises(DefinitionError, match="velocity: is `robot`, but this robot has no limits"):
         quintic.build()
@@ -135,7 +135,7 @@ def test_the_word_robot_is_refused_for_a_robot_without_limits():
         ({"kind": "trapezoidal", "waypoints": PATH, "velocity": 1.0}, r"trajectory\.acceleration: is missing"),
     ],
 )
-def test_wrong_trajectory_is_refused_in_one_sentence_with_its_path(trajectory, words):
+def test_an_invalid_trajectory_is_refused_with_its_path(trajectory, words):
     with pytest.raises(DefinitionError, match=words):
         loaded(trajectory)
 
@@ -321,6 +321,6 @@ def test_a_portable_scenario_contains_its_table_of_tool_positions(tmp_path):
         ({"robot": {"kind": "panda"}, "trajectory.moves.0.by": [1, 0, 0]}, "moves.0: the tool cannot follow beyond"),
     ],
 )
-def test_wrong_tool_path_is_refused_with_its_path(changes, words):
+def test_an_invalid_tool_path_is_refused_with_its_path(changes, words):
     with pytest.raises(DefinitionError, match=words):
         parse(TEXT, changes).build("wrong")

@@ -31,7 +31,7 @@ def drawn(path: str, entry: dict[str, Any], name: str = NAME) -> np.ndarray:
 
 
 def fits(values: np.ndarray, distribution: Any) -> bool:
-    """Kolmogorov and Smirnov's test, which 4000 values of another distribution do not pass."""
+    """True if the values pass a Kolmogorov-Smirnov test; 4000 values of another distribution do not."""
     return bool(stats.kstest(values, distribution).pvalue > 1e-3)
 
 
@@ -87,7 +87,7 @@ def test_drawn_starts_fill_the_requested_share_of_the_envelope():
     loaded = scenarios.load(NAME)
     t = jax.numpy.zeros(())
     e = q - np.asarray(loaded.trajectory.position(t))
-    # rho0 of .8 and .6 above, and below times 1, with an overshoot of .2: the interval is (-.2 rho0, rho0) or turned.
+    # The initial radii are 0.8 and 0.6 rad, the overshoot is 0.2: the interval is (-0.2 rho0, rho0) or its mirror.
     half, middle = np.ptp(e, axis=0) / 2, (e.max(axis=0) + e.min(axis=0)) / 2
     assert np.allclose(half, 0.5 * 0.5 * 1.2 * np.array([0.8, 0.6]), rtol=1e-2)
     assert np.allclose(np.abs(middle), 0.4 * np.array([0.8, 0.6]), rtol=2e-2)
@@ -112,7 +112,7 @@ def test_the_law_does_not_depend_on_the_drawn_values():
     assert all(np.array_equal(a, b) for a, b in zip(*leaves, strict=True))
     assert float(case.plant.load.payload.mass) == pytest.approx(2.75) and case.plant.sensor.periods == 3.0
     assert np.allclose(case.plant.robot.armature, 0.02)
-    # The same values by `--set` do tell the law.
+    # With `--set`, the same values do change the law.
     told = scenarios.load("panda-payload", {"sensor.delay": 3, "robot.nominal.armature": 0.02})
     assert not all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(told.controller), leaves[1], strict=False))
 

@@ -1,4 +1,4 @@
-"""Schemes that are simple enough to know everything about, for tests of the loop alone."""
+"""Simple schemes and plants with known behaviour, for tests of the loop alone."""
 
 from typing import ClassVar
 
@@ -99,7 +99,7 @@ class Pendulum(AbstractRobot):
 
 
 class FreeMass(AbstractRobot):
-    """A mass on a line without weight: nothing about it is unknown to a step that holds its force."""
+    """A mass on a line without gravity, whose motion under a held force is known exactly."""
 
     size: jax.Array = eqx.field(converter=jnp.asarray, default=1.0)
     joint_units: ClassVar[tuple[str, ...]] = ("m",)

@@ -1,4 +1,4 @@
-"""Many runs at once are the single runs, by either engine, on any number of threads, in `vmap`, `jit` and `grad`."""
+"""Batches equal single runs with either engine, with any number of threads, and in `vmap`, `jit` and `grad`."""
 
 import equinox as eqx
 import jax
@@ -160,7 +160,7 @@ def run(layer, shift):
 
 
 def test_vmapped_runs_equal_single_runs():
-    """Invariants, not trajectories: to 1e-9 of their size; counts and faults exactly."""
+    """Metrics agree to a relative 1e-9, torques to 1e-6, counts and faults exactly."""
     layers, shifts = jnp.array([0.1, 0.3]), jnp.array([0.0, 0.02])
     many = jax.jit(jax.vmap(run))(layers, shifts)
     for i, (layer, shift) in enumerate(zip(layers, shifts, strict=True)):
@@ -181,7 +181,7 @@ def test_vmapped_runs_equal_single_runs():
     ids=["encoders", "differenced", "encoders and the paper's law"],
 )
 def test_the_gradient_through_encoders_equals_that_of_the_loop_without_quantization(sensor, law, gain, step):
-    """Without the straight-through derivative it is off by 7 %, by a third, and by 1.5 %."""
+    """Without the straight-through derivative, the errors of the three gradients are 7 %, a third and 1.5 %."""
 
     def squared_error(change, sensor):
         changed = eqx.tree_at(gain, law, gain(law) + change)
@@ -216,7 +216,7 @@ def test_gradients_match_finite_differences(mode):
     assert float(forward) == pytest.approx(difference, rel=1e-6)
 
 
-# Reverse mode through a whole run takes long to compile; with a simpler law it is tried every day, above.
+# Reverse mode through a whole run takes long to compile; a test above uses it with a simpler law.
 @pytest.mark.full
 def test_gradients_with_respect_to_all_gains_are_finite_and_mostly_nonzero():
     def final_error(k2):
@@ -233,7 +233,7 @@ def test_gradients_with_respect_to_all_gains_are_finite_and_mostly_nonzero():
 
 @pytest.mark.full
 def test_the_gradient_with_respect_to_a_link_mass_matches_finite_differences():
-    """Plant and nominal robot are leaves like the gains: what identification and design both need."""
+    """Identification and design need gradients with respect to the plant's parameters, too."""
 
     def final_angle(plant):
         end = simulate(plant, SPRING, MOTION_4_1, START_4_1, t1=0.3, period=0.01, log_every=None)

@@ -1,4 +1,4 @@
-"""The engine for a card: a whole closed loop as a kernel, run on the processor where there is no card."""
+"""The CUDA engine: a whole closed loop as a kernel, emulated on the CPU where there is no GPU."""
 
 import jax.numpy as jnp
 import pytest
@@ -19,7 +19,7 @@ LOGGED = {"t1": 0.1, "period": 1e-3, "log_every": 20}
 
 @pytest.fixture
 def card(monkeypatch, tmp_path):
-    """A stand-in that takes the kernel's text as a card would; the list of its programs."""
+    """Emulate the GPU on the CPU, and return the list of its programs."""
     programs = []
     monkeypatch.setattr(
         cuda, "CudaKernel", lambda program: programs.append(program) or CardOnTheProcessor(program, tmp_path)
@@ -58,7 +58,7 @@ def test_a_scenario_file_can_select_the_cuda_engine(card):
     assert_same(on_card, on_processor)
 
 
-def test_a_single_run_uses_the_cpu_with_a_warning():
+def test_a_single_run_with_the_cuda_engine_uses_the_cpu_with_a_warning():
     with pytest.warns(UserWarning, match="with the engine `native`, because `cuda` is for batches"):
         run = simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3, engine="cuda")
     assert_same(run.tally, simulate(plant_4_1(), SPRING, MOTION_4_1, START_4_1, t1=0.01, period=1e-3).tally)

@@ -1,4 +1,4 @@
-"""Machine code of our own and XLA give the same runs; XLA is the reference."""
+"""The native engine and XLA give the same runs; XLA is the reference."""
 
 import warnings
 from collections.abc import Callable
@@ -64,13 +64,13 @@ def both(name, **more):
     return [loop.simulate(**more) for loop in loops]
 
 
-# Of those alike, one is for every day; `test_random_scenarios` has mixtures of all.
+# Of similar loops, one runs daily; `test_random_scenarios` mixes all of them.
 DAILY = ("held, three joints", "anftsmc")
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n in DAILY else [pytest.mark.full]) for n in LOOPS])
 def test_both_engines_give_the_same_run(name):
-    """To what rounding makes of it: chattering torques apart, states to 1e-9 of their size."""
+    """The runs agree up to rounding, which grows in chattering torques: of these, peaks and travel are compared."""
     native, xla = both(name, log_every=7)
     assert native.outcome == xla.outcome
     assert native.log.k.tolist() == xla.log.k.tolist()
@@ -205,7 +205,7 @@ def test_any_native_compiler_failure_is_reported_and_the_run_uses_xla(monkeypatc
         monkeypatch.setattr(Builder, "loop", fails)
     else:
         monkeypatch.setattr(machine.Machine, "code_of", fails)
-    # Nothing is known beforehand.
+    # No compiled loop is cached.
     monkeypatch.setattr(native_engine, "_compiled", native_engine._compiled.__wrapped__)
     monkeypatch.setattr(native_engine, "_compiled_batch", native_engine._compiled_batch.__wrapped__)
     how = {"t1": 0.1, "period": 0.01}

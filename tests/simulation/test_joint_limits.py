@@ -90,7 +90,7 @@ def test_a_scenario_file_can_ignore_limits():
     assert loaded.stepping.limits == "ignore"
 
 
-# Every scenario that is run at all is checked so on the way.
+# Every simulation makes this check, so that two scenarios are enough for the daily tests.
 DAILY = ("example-4.1", "panda-pick")
 NAMES = [pytest.param(name, marks=[] if name in DAILY else [pytest.mark.full]) for name in scenarios.names()]
 
@@ -120,7 +120,7 @@ def test_joint_limits_of_8000_samples_are_checked_within_a_quarter_second():
 
 @pytest.mark.parametrize("to", [0.1, 9.0])
 def test_a_motion_that_a_batch_shares_is_checked_while_the_batch_is_traced(to):
-    """Its end is a time that is computed from its own, which are known."""
+    """The motion's times are known during tracing, although the start is not."""
     motion = MinimumJerk.through([0.0, 1.0], [HOME, moved(6, to)])
 
     def fix_start(start):

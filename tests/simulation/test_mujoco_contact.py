@@ -1,4 +1,4 @@
-"""A Panda under the sampled-data law that touches a table, and one that drops what it carries."""
+"""A Panda under the sampled-data law that touches a table or drops its payload."""
 
 import itertools
 
@@ -38,7 +38,7 @@ LAW = sampled_data(
     limits=LIMITS,
     recovery=Recovery(),
 )
-# The posture of the maker's examples, and the same with the tip 50 mm lower.
+# The home posture of the manufacturer's examples, and a posture with the tip 50 mm lower.
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 LOW = np.array([0.0, -0.810134, 0.0, -2.499089, 0.0, 1.688955, 0.785])
 DOWN_AND_UP = MinimumJerk.through([0.0, 0.5, 1.0], np.stack([HOME, LOW, HOME]))
@@ -61,7 +61,7 @@ def tips(q):
 
 
 def pressing(depth):
-    """The run in which the lowest reference of the tip's ball is so deep in the table, and the tip's least height."""
+    """Return a run whose reference presses the tip's ball `depth` into the table, and its least height above it."""
     height = tips(LOW[None])[0, 2] - RADIUS_OF_TIP + depth
     done = run(surroundings=Table(height, 0.3))
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((done.log, done.tally.late_error)))
@@ -74,13 +74,13 @@ def test_table_contact_half_a_millimetre_deep_stays_within_the_envelope():
     assert free.outcome.ok and 0.0045 < above < 0.0055
     touching, above = pressing(0.0005)
     assert touching.outcome.ok and touching.tally.violations == 0
-    # The table holds the tip up, and that costs torque.
+    # The table holds the tip up, which takes torque.
     assert -1e-4 < above < 0
     assert touching.tally.peak_torque[3] > free.tally.peak_torque[3] + 1.0
 
 
 def test_pressing_five_millimetres_into_the_table_leaves_the_envelope_and_recovers():
-    """Nothing follows into a rigid table: the error is what the table leaves of it, until the reference goes up."""
+    """The arm cannot follow its reference into the rigid table, so that the error stays until the reference rises."""
     pressed, above = pressing(0.005)
     assert -2e-4 < above < 0
     outcome = pressed.outcome
@@ -98,7 +98,7 @@ def test_a_released_payload_falls_onto_the_table_and_comes_to_rest():
     way = dropped.load
     assert way.t[0] == pytest.approx(0.4) and way.t[-1] == 1.5
     centers = way.position + way.rotation @ center
-    # As a body of its own it goes on with the tip's velocity, and then by its weight alone.
+    # The released body starts with the tip's velocity and falls under gravity alone.
     k = 400
     at_tip = tips(dropped.log.state.q[k - 1 : k + 2])
     np.testing.assert_allclose(way.position[0], at_tip[1], atol=1e-12)
@@ -109,10 +109,10 @@ def test_a_released_payload_falls_onto_the_table_and_comes_to_rest():
     fall = way.t[:100, None] - way.t[0]
     flight = centers[0] + fall * velocity - 0.5 * 9.81 * fall**2 * np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(centers[:100], flight, atol=1e-3)
-    # A cube by its inertia: it ends on one of its faces.
+    # Its inertia is that of a cube, which comes to rest on a face.
     np.testing.assert_allclose(centers[-1, 2], 0.25 + half, atol=1e-4)
     assert np.abs(way.position[-1] - way.position[-50]).max() < 1e-6
-    # The law knows neither the load nor when it goes.
+    # The law knows neither the payload nor its release time.
     jump = np.abs(dropped.log.e[k : k + 50]).max()
     before = np.abs(dropped.log.e[k - 50 : k]).max()
     assert 3.0 * before < jump < RADIUS
@@ -134,7 +134,7 @@ def test_released_point_rod_and_brick_payloads_fall_onto_the_table_and_rest(iner
 
 @pytest.mark.parametrize("friction", [0.2, 0.6])
 def test_friction_brakes_a_payload_that_slides_on_the_table(friction):
-    """A box is let go at 1 m/s on the table: it slides v²/(2 μ g)."""
+    """A box released on the table at 1 m/s slides by v²/(2 μ g)."""
     body = {"mass": 1.0, "inertia": 0.01 * np.eye(3)}
     rail = Joint("rail", "prismatic", None, "cart", axis=np.array([1.0, 0.0, 0.0]), **body)
     arm = assemble([rail], tip="cart")

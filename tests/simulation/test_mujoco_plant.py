@@ -1,4 +1,4 @@
-"""MuJoCo in the robot's stead: the same mechanics, found by others, and the same loop around them."""
+"""MuJoCo as the plant: the same mechanics from an independent code, in the same loop."""
 
 import dataclasses
 
@@ -36,11 +36,11 @@ def link(name, kind, parent, **more):
     return Joint(name, kind, parent, f"{name} link", **(body | more))
 
 
-# Two arms on a cart; MuJoCo orders its joints otherwise than we do, one arm after the other.
+# Two arms on a cart; MuJoCo orders the joints differently, one arm after the other.
 TREE = assemble(
     [
         link("cart", "prismatic", None, axis=np.array([1.0, 0.0, 0.0]), mass=5.0),
-        # Its link has no mass, which MuJoCo does not take as it is.
+        # Its link has no mass, which MuJoCo does not accept as it is.
         Joint("left", "revolute", "cart", "left link", turned(0.7, [1, 2, 3]), np.array([0.1, 0.2, 0.3])),
         link("right", "revolute", "cart", axis=np.array([1.0, 1.0, 0.2]), translation=np.array([0.0, -0.3, 0.1])),
         link("reach", "prismatic", "left", axis=np.array([0.0, 1.0, 1.0]), armature=0.3),
@@ -54,7 +54,7 @@ TREE = assemble(
 PANDA = eqx.tree_at(lambda arm: arm.armature, arms.panda(), jnp.full(7, 0.1))
 ARMS = {"panda": PANDA, "tree": TREE}
 BY_TURNS = pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.full), "tree"])
-"""Every day the arm of ours that is built otherwise than MuJoCo's; a Panda is a simpler one."""
+"""Daily tests use the tree, whose joint order differs from MuJoCo's; the Panda is simpler."""
 LOAD = TimedPayload(Payload(2.0, (0.01, -0.02, 0.1), np.diag([0.004, 0.005, 0.006])), attached=0.02, released=0.08)
 
 
@@ -72,7 +72,7 @@ def smooth_loop(robot, **more):
 
 
 def both(plant, *rest, integrator, t1=0.1, **how):
-    """The run by MuJoCo and ours."""
+    """Return the run by MuJoCo and the run by slidax."""
     how = {"t1": t1, "period": 1e-3, "substeps": 5, **how}
     name = {semi_implicit_euler: "euler", runge_kutta_4: "rk4"}[integrator]
     theirs = simulate(MujocoPlant.of(plant, integrator=name), *rest, **how)
@@ -121,7 +121,7 @@ def test_a_released_payload_starts_with_the_velocity_of_the_tip():
 
 @BY_TURNS
 def test_mujoco_with_semi_implicit_euler_gives_the_run_of_slidax(name):
-    """Semi-implicit Euler, with a load that comes and goes, and a push that changes within the periods."""
+    """The payload is attached and released, and the disturbance changes within the periods."""
     n = ARMS[name].joints
     loop = smooth_loop(ARMS[name], load=LOAD, disturbance=Harmonic(jnp.full(n, 3.0), 900.0, 0.3))
     theirs, ours = both(*loop, integrator=semi_implicit_euler, t1=0.2, limits="ignore")
@@ -132,7 +132,7 @@ def test_mujoco_with_semi_implicit_euler_gives_the_run_of_slidax(name):
 
 
 def test_with_sensors_and_drives_mujoco_gives_the_run_of_slidax():
-    """Limits, rate, lag and dead time of the torque; delay and noise of what is measured; lost samples."""
+    """Torques with limits, rate, lag and dead time; measurements with delay, noise and lost samples."""
     drive = Actuator(TorqueLimits(40.0, 4000.0), time_constant=2e-3, dead_time=1.4)
     sensor = Lossy(Delayed(Encoders(0.0, position_noise=1e-5, seed=2), 1.0), 0.2)
     loop = smooth_loop(TREE, sensor=sensor, actuator=drive)
@@ -262,7 +262,7 @@ def test_a_missing_mujoco_is_reported_with_the_install_command(monkeypatch):
         simulate(MujocoPlant.of(plant), *rest, t1=0.01, period=1e-3)
 
 
-def test_our_own_plant_needs_no_mujoco(monkeypatch):
+def test_the_plant_of_slidax_runs_without_mujoco(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     assert simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.1, period=0.01).outcome.ok
 

@@ -1,4 +1,4 @@
-"""Runs that end badly: they say so, name the joint and the time, and keep all that was good."""
+"""Failed runs: the outcome names the joint and the time, and the log before the failure is kept."""
 
 from functools import cache
 
@@ -71,8 +71,8 @@ FREE = Spring(jnp.zeros(2), jnp.zeros(2))
 
 
 @pytest.mark.parametrize(("mode", "when"), [("continuous", 0.10), ("held", 0.12)])
-def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mode, when):
-    """The error grows like t and meets .095 between the samples at .08 and .12, before the stage at .10."""
+def test_the_exit_time_in_continuous_mode_is_that_of_the_first_integrator_stage_outside(mode, when):
+    """The error grows like t and reaches 0.095 between the samples at 0.08 s and 0.12 s, before the stage at 0.10 s."""
     run = simulate(SMOOTH_PLANT, BoundedLaw(FREE, jnp.asarray(0.095)), mode=mode, **FALLING)
     assert (run.outcome.kind, run.outcome.joint) == ("left_envelope", 1)
     assert run.outcome.t == pytest.approx(when, abs=1e-12)
@@ -83,7 +83,7 @@ def test_in_continuous_mode_the_outcome_comes_from_the_first_violating_stage(mod
 
 
 def test_an_envelope_violation_between_samples_is_detected_in_continuous_mode_only():
-    """The samples themselves all lie inside: a stage in between does not."""
+    """All samples are inside, and a stage between two samples is not."""
 
     class Window(BoundedLaw):
         """A tolerance band that is narrow around t = 0.1 only, between two samples."""
@@ -128,7 +128,7 @@ def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
 
 @pytest.mark.parametrize("target", [0.5, -0.5])
 def test_an_error_on_its_bound_is_outside_on_either_side(target):
-    """The arm falls under gravity or is pushed; whichever bound it meets is the one that is named."""
+    """The outcome names the bound that the arm reaches, the upper or the lower."""
     law = BoundedLaw(FREE, jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
     run = simulate(SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)

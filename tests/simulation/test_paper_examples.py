@@ -1,4 +1,4 @@
-"""The two examples as the spec re-computed them with two independent codes."""
+"""The two examples, compared with the spec's recomputation by two independent codes."""
 
 from functools import cache
 
@@ -65,7 +65,7 @@ def run_4_2(factor):
     return done
 
 
-def test_example_4_2_without_its_disturbance_has_the_printed_accuracy_and_settling_times():
+def test_example_4_2_without_its_disturbance_has_the_papers_accuracy_and_settling_times():
     np.testing.assert_allclose(run_4_2(0.0).tally.steady_error, [4.56e-11, 5.75e-11, 2.08e-12], rtol=0.03)
     settled = last_above(run_4_2(0.0), 1e-8)
     assert settled == pytest.approx([1.3756, 1.3327, 1.5233], abs=0.002)

@@ -1,4 +1,4 @@
-"""The bar: there when asked for, away when not, and never in the way of the numbers."""
+"""The progress bar: shown on request or in long runs, and without effect on the results."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def run(progress):
     return simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, progress=progress)
 
 
-def test_a_run_draws_its_bar_on_standard_error_and_nothing_on_standard_output(capfd):
+def test_a_run_draws_its_progress_bar_on_standard_error_only(capfd):
     run(True)
     shown = capfd.readouterr()
     assert "simulating" in shown.err

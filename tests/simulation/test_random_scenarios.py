@@ -16,7 +16,7 @@ DELAYS = st.sampled_from([0.0, 0.4, 1.0, 1.7])
 
 @st.composite
 def random_scenarios(draw):
-    """A built-in scenario and what is changed in it."""
+    """A built-in scenario and its changes."""
     arm = draw(st.sampled_from(sorted(ARMS)))
     changes = {
         "scheme.name": draw(st.sampled_from(SCHEMES)),
@@ -49,7 +49,7 @@ def random_scenarios(draw):
 
 
 def assert_both_agree(arm, changes):
-    """Invariants, as small differences grow in a loop that chatters or rounds: what happened, and the states nearly."""
+    """Check that the outcomes are equal and the states close: rounding differences grow in a loop that chatters."""
     runs = [
         scenarios.load(arm, {**changes, "simulation.engine": engine}).simulate(log_every=1)
         for engine in ("native", "xla")
@@ -63,7 +63,7 @@ def assert_both_agree(arm, changes):
     rounded, held = changes.get("sensor.resolution"), changes["simulation.mode"] == "held"
     scale = 1e-3 if rounded else 1e-5 if held else 1e-7
     np.testing.assert_allclose(native.log.state.q[:length], xla.log.state.q[:length], atol=scale)
-    # No difference has had the time to grow.
+    # In the first third, differences have had no time to grow.
     early = length // 3
     np.testing.assert_allclose(native.log.state.q[:early], xla.log.state.q[:early], atol=1e-3 if rounded else 1e-7)
     first = 2e-12 * np.max(np.abs(xla.log.tau[0]))

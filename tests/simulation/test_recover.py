@@ -1,4 +1,4 @@
-"""Runs that go on outside their envelope: what is counted there, and in which words they end."""
+"""Runs that continue outside their envelope: their counts, outcomes and messages."""
 
 from functools import cache
 
@@ -31,7 +31,7 @@ def came_back():
 
 
 def over(log, radius=0.1):
-    """By how much each joint is outside at each sample; at the bound is outside."""
+    """Return the excess of each joint's error over the radius at each sample; an excess of 0 is outside."""
     return np.abs(log.e) - radius
 
 
@@ -39,7 +39,7 @@ def test_a_recovered_outcome_has_exit_and_return_times_error_bound_and_largest_e
     done = came_back()
     beyond = over(done.log)
     outside = np.flatnonzero((beyond >= 0).any(axis=1))
-    # In and out again several times: what counts is when it was back for good.
+    # The error leaves and returns several times; `back` is the final return.
     assert len(outside) > 5 and np.any(np.diff(outside) > 1)
     first, joint = outside[0], int(np.argmax(beyond[outside[0]]))
     outcome = done.outcome
@@ -159,7 +159,7 @@ def test_the_message_for_a_continuous_law_outside_recommends_the_sampled_data_fo
     outcome = done.outcome
     assert (outcome.kind, outcome.joint) == ("not_finite", 1)
     assert "It was outside its envelope, where the law is not defined: use its sampled-data form." in outcome.message
-    # As `raise` counts it: the sample that left.
+    # The count is that of `raise`: the sample that left.
     assert int(done.tally.violations) == 1
     assert outcome.t == simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, **extra).outcome.t
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((done.log, done.tally, done.state)))
@@ -167,7 +167,7 @@ def test_the_message_for_a_continuous_law_outside_recommends_the_sampled_data_fo
 
 @pytest.mark.parametrize("radius", [10.0, 0.1])
 def test_a_law_that_fails_inside_is_not_reported_as_outside(radius):
-    """Also if it was out before, and back."""
+    """An earlier excursion and return do not change this."""
     broken = Breaks(RINGING, jnp.asarray(2.5), 2)
     assert came_back().outcome.back < 2.5
     done = run(radius=radius, law=broken)

@@ -47,7 +47,7 @@ def test_invalid_durations_periods_substeps_and_log_intervals_are_refused(change
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
 @pytest.mark.parametrize("outside", ["raise", "recover"])
 def test_a_start_that_the_actuator_cannot_hold_is_refused(engine, outside):
-    """With the joint, what holds it, the limit and what to do; the second joint is the weak one."""
+    """The message has the joint, its holding torque, the limit and the remedy; joint 2 is too weak."""
     held = TWO_LINK.bias(START_4_1.q, START_4_1.dq)
     assert -6.0 < held[1] < -5.0
     weak = Plant(*plant_parts(), actuator=Actuator(TorqueLimits([60.0, 5.0])))

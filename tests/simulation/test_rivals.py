@@ -1,4 +1,4 @@
-"""The rivals' runs as the spec re-computed them. Of runs that chatter, only what does not depend on step and solver."""
+"""Rival schemes, compared with the spec's recomputation; of chattering runs, only values independent of the solver."""
 
 from functools import cache
 
@@ -55,9 +55,9 @@ def test_ftsmc_with_a_boundary_layer_has_the_recomputed_error_and_two_torque_jum
 
 
 def test_the_chattering_torque_averages_to_that_of_the_smooth_run():
-    """The equivalent control: what the arm needs does not depend on how the torque is switched.
+    """The mean torque is the equivalent control, which does not depend on the switching.
 
-    With a held torque, since in continuous mode the samples are those of the first of four stages only.
+    The torque is held: in continuous mode, the log would have only the first of four stages.
     """
     means = []
     for layer in (0.0, 0.05):

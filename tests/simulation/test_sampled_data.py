@@ -29,7 +29,7 @@ def run(*law, t1=0.3, **changed):
     return simulate(*loop(*law, **changed), t1=t1, log_every=None, **HOW)
 
 
-# A batch inside `jit` is compiled by XLA; a simpler law is tried so every day in `test_batch_and_gradient.py`.
+# XLA compiles a batch inside `jit`; `test_batches.py` does so with a simpler law.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
 def test_a_batch_over_starts_and_seeds_equals_single_runs_also_outside_the_envelope(engine):
     shifts, seeds = jnp.array([[0.0, 0.0], [0.1, -0.2], [-0.9, 0.5], [0.0, 0.0]]), jnp.array([0, 0, 1, 2])
@@ -54,7 +54,7 @@ def test_a_batch_over_starts_and_seeds_equals_single_runs_also_outside_the_envel
         assert_same(jax.tree.map(lambda x, i=i: x[i], many), single(shift, seed), rtol=1e-7)
     assert np.array(many[0].violations > 0).tolist() == [False, False, True, False]
     assert np.array(many[1].first).tolist() == [-1, -1, 0, -1]
-    # The first and the last differ in nothing but their seeds.
+    # The first and the last run differ only in their seeds.
     assert many[0].torque_travel[0, 0] != many[0].torque_travel[3, 0]
 
 
@@ -86,7 +86,7 @@ def with_gains(x):
     return SCENARIO.plant, law, MOTION_4_1, SCENARIO.state0
 
 
-# The step itself is differentiated by XLA every day, too, in `tests/laws/test_controllers.py`.
+# XLA differentiates the step of the law in `tests/laws/test_controllers.py`, too.
 @pytest.mark.parametrize("engine", ["native", pytest.param("xla", marks=pytest.mark.full)])
 def test_the_gradient_with_respect_to_a_gain_matches_finite_differences(engine):
     how = {"t1": 0.1, **HOW}

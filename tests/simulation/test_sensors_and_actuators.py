@@ -75,7 +75,7 @@ def test_while_samples_are_lost_torque_and_memory_are_held():
 
 
 def test_the_envelope_is_judged_by_the_true_error_and_not_by_the_measured_one():
-    """The law, which does nothing, sees an arm at rest long after it has left."""
+    """The law gets no sample after the first, so that its measured error stays small."""
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([1.0, 0.0]))
     law = BoundedLaw(Spring(jnp.zeros(2), jnp.zeros(2)), jnp.asarray(0.095))
 
@@ -122,7 +122,7 @@ LAW_OF_ONE = Spring(jnp.array([12.0]), jnp.array([4.0]), joints=1)
 
 
 def by_scipy(samples):
-    """The pendulum under its spring, its drive's lag and its dead time, one stretch of one command after the other."""
+    """Integrate the pendulum under its spring with the drive's lag and dead time, command by command."""
     q, dq, torque = 0.8, 0.0, 3.0 * np.sin(0.8)
     commands, states = [torque, torque], []
 

@@ -99,7 +99,7 @@ def test_the_log_has_inputs_and_outputs_of_the_controller():
     ("engine", "log_every"),
     [("native", 1), ("native", 7), *(pytest.param("xla", n, marks=pytest.mark.full) for n in (1, 7))],
 )
-def test_the_tally_and_log_do_not_depend_on_the_size_of_a_chunk(monkeypatch, log_every, engine):
+def test_the_tally_and_log_do_not_depend_on_the_engines_chunk_size(monkeypatch, log_every, engine):
     def run(log_every):
         loop = plant_4_1(), law_4_1(layer=0.5), MOTION_4_1, START_4_1
         return simulate(*loop, t1=END, period=PERIOD, log_every=log_every, engine=engine)
@@ -117,11 +117,11 @@ def test_the_law_gets_its_memory_back_and_the_reference_one_period_ahead():
     np.testing.assert_allclose(done.log.signals["ahead"][:-1], moved, atol=1e-14)
 
 
-def test_a_scheme_without_an_envelope_has_none_in_its_log_and_an_infinite_margin():
+def test_a_run_without_an_envelope_logs_none_and_has_an_infinite_margin():
     done = simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.5, period=0.01, bands=(0.3, 1e-9))
     assert done.outcome.ok and not done.has_envelope and done.log.envelope is None
     assert np.all(np.isinf(done.tally.margin)) and run(1).has_envelope
-    # Other bands than the usual ones.
+    # The run has other bands than the default.
     e = np.abs(np.asarray(done.log.e))
     assert np.asarray(done.tally.last_above)[0].tolist() == [np.flatnonzero(e[:, j] > 0.3)[-1] for j in (0, 1)]
 
@@ -132,7 +132,7 @@ def test_a_run_has_units_times_and_computing_cost():
     assert done.timing.compile_s > 0 and done.timing.run_s > 0
 
 
-def test_the_torque_step_into_the_last_quarter_is_not_counted_there():
+def test_steady_metrics_exclude_the_torque_step_into_the_last_quarter():
     windows = Windows(steady=jnp.asarray(2), late=jnp.asarray(0), bands=jnp.array([0.1]))
     tally = Tally.empty(1, 1)
     for k, tau in enumerate([0.0, 1.0, 9.0, 9.5, 9.0]):
@@ -143,7 +143,7 @@ def test_the_torque_step_into_the_last_quarter_is_not_counted_there():
 
 @pytest.mark.parametrize("log_every", [None, 30_000])
 def test_the_tally_of_stiff_example_4_1_is_bit_identical_for_any_log_interval(log_every):
-    """A loop of a single turn is compiled otherwise: with these numbers it once rounded otherwise."""
+    """A loop of a single iteration is compiled differently and once rounded differently in this example."""
 
     def tally(log_every):
         return simulate(plant_4_1(), law_4_1(), MOTION_4_1, START_4_1, t1=2.0, period=1e-4, log_every=log_every).tally

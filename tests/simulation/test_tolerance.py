@@ -63,7 +63,7 @@ def test_a_batch_has_the_tolerance_of_its_scenario_and_may_vary_it():
     violations, margins = analysis.tolerance_violations(many), analysis.tolerance_margin(many)
     assert violations[0] == analysis.tolerance_violations(single)
     np.testing.assert_array_equal(margins[0], analysis.tolerance_margin(single))
-    # On the far side the error is as near to the bound as before, and the tolerance band is slimmer.
+    # The error's distance to the nearer bound is unchanged, and the tolerance band is narrower.
     assert np.all(margins[1] != margins[0])
 
 

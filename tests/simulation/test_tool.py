@@ -19,8 +19,8 @@ def test_the_angle_between_two_rotations_is_accurate_at_any_size(angle):
         axis = rng.standard_normal(3)
         first = Rotation.random(rng=rng)
         second = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)) * first
-        angle = rotation_angle(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
-        np.testing.assert_allclose(angle, angle, rtol=1e-9, atol=1e-15)
+        measured = rotation_angle(jnp.asarray(second.as_matrix()), jnp.asarray(first.as_matrix()))
+        np.testing.assert_allclose(measured, angle, rtol=1e-9, atol=1e-15)
 
 
 def test_the_rotation_error_has_a_finite_gradient_at_zero():

@@ -65,7 +65,7 @@ def test_both_engines_give_the_same_gradient():
     assert_close(native[1], xla[1], 1e-8)
 
 
-# Of a simpler law, reverse mode is tried every day, in `test_batch_and_gradient.py`.
+# `test_batches.py` uses reverse mode with a simpler law.
 @pytest.mark.full
 def test_reverse_mode_gives_the_same_gradient():
     native = value_and_gradient(last_error, define, AT, **HOW, engine="native")
@@ -102,9 +102,9 @@ def test_a_loop_without_native_code_is_differentiated_by_xla_with_a_warning():
     ("name", "seconds"), [("example-4.2-1khz", 20.0), pytest.param("panda-payload", 60.0, marks=pytest.mark.full)]
 )
 def test_gradients_of_sampled_data_laws_compile_within_a_minute(name, seconds):
-    """By processor time, trace and compilation and run together; XLA's reverse mode compiles for many minutes.
+    """The limit is for the processor time of tracing, compilation and run; XLA's reverse mode takes many minutes.
 
-    Without rounding, which is differentiated straight through: differences of a staircase show another slope.
+    The encoders have no quantization here: its straight-through derivative differs from finite differences.
     """
     loop = scenarios.load(name, {} if name == "example-4.2-1khz" else {"sensor.resolution": 0.0})
     how = {"t1": 0.02, "stepping": loop.stepping, "engine": "native"}

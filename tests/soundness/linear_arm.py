@@ -65,7 +65,7 @@ def scenario(
     joints: int = 2,
     period: float | None = None,
 ) -> Scenario:
-    """A random law on a random arm that it knows."""
+    """A random law on a random arm whose nominal model is exact."""
     h = float(10 ** rng.uniform(-3.3, -2.4)) if period is None else period
     horizon = h * rng.uniform(2.0, 8.0)
     inertia = np.diag(10 ** rng.uniform(-1.0, 1.0, joints))
@@ -99,7 +99,7 @@ def scenario(
 
 
 def demand(case: Scenario) -> Demand:
-    """The demand of an arm that its law knows."""
+    """The demand of an arm whose nominal model is exact."""
     times = np.arange(round(case.t1 / case.period) + 1) * case.period
     n = case.controller.joints
     return Demand(

@@ -25,6 +25,6 @@ def judged(folder: Path, seed: int, count: Counted) -> None:
         sampled["coriolis"] / max(constants.coriolis, 1e-12),
     ]
     largest = float(np.max(shares))
-    # Those of a chain are compared by their worst.
+    # The postures of a chain count by the worst of them.
     count.kept(np.full(1, largest), robot.joints, f"chain {seed}", slack=1e-9)
     count.cases += STATES - 1

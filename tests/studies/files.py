@@ -21,7 +21,7 @@ STUDY: dict[str, Any] = {
 }
 
 FAILING: dict[str, Any] = {**STUDY, "uncertainty": {"disturbance.scale": {"between": [150, 200]}}, "runs": 64}
-"""A study in which every run fails: the push is stronger than the drives."""
+"""A study in which every run fails: the disturbance is stronger than the drives."""
 
 
 def study(**changes: Any) -> Any:
@@ -52,7 +52,7 @@ WEAK = {
     "start.q": {"around": 0.06, "each": "joint"},
     "start.dq": {"between": [-0.03, 0.03], "each": "joint"},
 }
-"""Of an arm whose drives may be too weak: where its second link is short, its masses are large, its start is low."""
+"""Uncertainty of an arm whose drives may be too weak: for a short second link, large masses and a low start."""
 
 
 def result_of(kind, **text):

@@ -1,4 +1,4 @@
-"""The benchmark as a whole, small, and rankings of results whose truth is known."""
+"""A small benchmark run, and rankings of results with a known order."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ FITTING = [
 
 
 @pytest.mark.parametrize(("name", "schemes"), FITTING)
-def test_every_scheme_fits_every_task_in_both_forms_with_the_same_tolerance(name, schemes):
+def test_every_scheme_can_be_set_up_for_a_task_with_its_tolerance_as_envelope(name, schemes):
     for entry in entries(schemes):
         base = entry.described(task(name))
         assert base.tolerance is not None
@@ -174,7 +174,7 @@ def test_an_error_in_a_users_law_is_reported_and_a_changed_law_runs_again(tmp_pa
             line = next(i for i, code in enumerate(text.splitlines(), 1) if "self.kq" in code)
             assert result.startswith(f"line {line} of {file}, in `Mine.__call__`: AttributeError: ")
     assert isinstance(result, TaskResult) and not ran
-    # Numbers in kg m² follow the inertia of the joints.
+    # Parameters in kg m² scale with the joints' inertia.
     assert np.shape(result.gains["scheme.inertia"]) == (3,) and np.shape(result.gains["scheme.kp"]) == ()
 
 
@@ -222,7 +222,7 @@ def test_paired_errors_decide_between_schemes_with_equal_shares_inside():
     inside = rng.random(200) < 0.95
     better = result(inside, 0.95 * error)
     table = ranking("t", {FIRST: result(inside, error), OTHER: better, THIRD: result(~inside, 0.1 * error)})
-    # Unpaired, five percent would drown in what the cases differ by.
+    # Unpaired, the variation between cases would hide a difference of 5 %.
     assert [score.entry for score in table.scores] == [OTHER, FIRST, THIRD]
     assert table.by == "steady error" and table.p_value < 1e-6
     assert [score.leads for score in table.scores] == [True, True, False]
@@ -235,7 +235,7 @@ def test_equal_schemes_differ_significantly_in_at_most_8_percent_of_comparisons(
     for _ in range(200):
         pair = {entry: result(rng.random(60) < 0.9, rng.lognormal(size=60)) for entry in (FIRST, OTHER)}
         wrong += ranking("t", pair).p_value < 0.05
-    # Whichever comes out on top is called the better, and both ways to be so are tested: still below 8 %.
+    # The better scheme is chosen after the runs, and share and error are both tested: still at most 8 %.
     assert wrong <= 16
 
 

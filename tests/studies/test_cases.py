@@ -1,4 +1,4 @@
-"""Many cases at once: each is, bit for bit, the run that its scenario has alone."""
+"""Many cases in a compiled loop: each equals, bit for bit, the single run of its scenario."""
 
 from typing import Any
 
@@ -50,7 +50,7 @@ def test_each_case_of_a_study_equals_its_single_run_bit_for_bit():
     table = of.run(values)
     for row in (0, 17, 39):
         assert same(table, row, alone(of, values, row))
-    # Noise, delay and all else are not the same for all.
+    # Noise, delay and the other values differ between the cases.
     assert len(np.unique(table["rms_error"])) == 40
 
 
@@ -80,9 +80,9 @@ def test_a_case_with_every_uncertain_quantity_of_an_arm_equals_its_single_run(sc
     assert same(table, 8, alone(of, values, 8))
 
 
-# XLA compiles it for long; `tests/simulation/test_simulate_batch.py` has a batch of both engines every day.
+# XLA compiles this for long; `tests/simulation/test_batches.py` has smaller batches of both engines.
 @pytest.mark.full
-def test_both_engines_have_the_same_rows_up_to_rounding():
+def test_both_engines_give_the_same_metrics_of_cases_up_to_rounding():
     changes = {**SHORT, "simulation.t1": 0.02}
     native = cases("example-4.1-1khz", UNCERTAIN, changes)
     values = drawn(native, 5)

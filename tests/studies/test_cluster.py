@@ -1,4 +1,4 @@
-"""Chunks on a cluster of Dask: the same rows, whichever worker computed them, and whichever of them died."""
+"""Chunks on a Dask cluster: the rows depend neither on the workers that compute them nor on killed workers."""
 
 import json
 import os
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pyte
     ("where", "words"),
     [("local", "a number of processes"), ("local:x", "got `local:x`"), ("local:0", "number"), ("farm:8786", "tcp://")],
 )
-def test_an_invalid_address_is_refused_in_one_line(where, words):
+def test_an_invalid_cluster_address_is_refused_with_the_reason(where, words):
     with pytest.raises(DefinitionError, match=words):
         Cluster(where)
 
@@ -43,7 +43,7 @@ def test_a_scheduler_file_and_the_environment_name_the_scheduler(tmp_path, monke
                 assert pool._client.scheduler_info()["address"] == address
 
 
-def test_a_missing_scheduler_address_has_its_remedy(tmp_path, monkeypatch):
+def test_a_missing_scheduler_address_is_refused_with_the_reason(tmp_path, monkeypatch):
     monkeypatch.delenv("DASK_SCHEDULER_ADDRESS", raising=False)
     with pytest.raises(DefinitionError, match="from DASK_SCHEDULER_ADDRESS, which is not set"):
         Cluster("env")
@@ -89,7 +89,7 @@ def test_an_asynchronous_client_is_refused_with_its_remedy(monkeypatch):
 
 
 @pytest.mark.full
-def test_a_scheduler_that_does_not_answer_is_reported_in_one_line(monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_reported(monkeypatch):
     monkeypatch.setattr("slidax.studies.cluster.PATIENCE", 1.0)
     with pytest.raises(DefinitionError, match="no Dask scheduler answers"), Cluster("tcp://127.0.0.1:1"):
         pass
@@ -162,7 +162,7 @@ def test_killed_cluster_workers_change_no_row(kills, tmp_path, monkeypatch):
         killer.start()
         try:
             again = 0
-            # One study may be over before all have been killed: then the next one goes on.
+            # A study may end before all kills; then another study follows.
             while True:
                 out = tmp_path / f"there{again}"
                 study(**changes).run(RunOptions(out, pool=pool))

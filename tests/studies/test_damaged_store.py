@@ -144,7 +144,7 @@ def test_a_part_file_that_declares_other_rows_is_not_read(whole, out):
     zeros = pa.table({"row": np.zeros(10**6, int)}).replace_schema_metadata(marks)
     pq.write_table(zeros, path, compression="zstd")
     assert path.stat().st_size < 20_000
-    # Read, it would have a wrong checksum.
+    # If the file were read, the message would be about its checksum.
     with pytest.warns(DefinitionWarning, match="has other rows than its name implies: its 64 rows are computed again"):
         assert fill(opened(out)) == 64
     assert same(out, whole)
@@ -240,7 +240,7 @@ def test_replaying_a_row_from_another_studys_table_is_refused(out, tmp_path):
 
 def test_two_different_studies_started_at_once_in_a_folder_do_not_mix(tmp_path, monkeypatch):
     out = tmp_path / "out"
-    # The second one looks before the first one writes.
+    # The second study checks the folder before the first writes to it.
     monkeypatch.setattr("slidax.studies.store._is_free", lambda folder: True)
     opened(out)
     with pytest.raises(DefinitionError, match="another study"):
@@ -264,7 +264,7 @@ def test_four_simultaneous_writers_leave_the_same_table_as_a_single_writer(whole
             barrier.wait()
             computed.append(fill(opened(out)))
 
-        # A lock belongs to an open file, so that threads are to each other as processes are.
+        # A lock belongs to an open file, so that threads exclude each other as processes do.
         writers = [threading.Thread(target=write) for _ in range(4)]
         for writer in writers:
             writer.start()

@@ -72,7 +72,7 @@ def test_missing_rows_are_the_gaps_between_parts(have, missing, tmp_path):
 
 
 def bash(script, folder, **environment):
-    """The `slidax` and `sbatch` command lines that a shell script calls."""
+    """Return the `slidax` and `sbatch` command lines that a shell script calls."""
     tools = 'slidax() { printf "%q " slidax "$@" >> calls; echo >> calls; }\n'
     tools += 'sbatch() { printf "%q " sbatch "$@" >> calls; echo >> calls; echo 77; }\n'
     subprocess.run(["bash", "-eu", "-c", tools + script], cwd=folder, env={**os.environ, **environment}, check=True)

@@ -1,4 +1,4 @@
-"""The failure rate: counted exactly, stopped in time, reported to a person and to a program."""
+"""Failure rates: exact counts and intervals, early stops, and reports as page and JSON."""
 
 import json
 

@@ -17,12 +17,12 @@ pytest.importorskip("cmaes")
 
 
 def bowl(x):
-    """Smooth, with its bottom, 0, inside."""
+    """A smooth function with its minimum, 0, inside the unit cube."""
     return np.sum((x - 0.3) ** 2, axis=1)
 
 
 def narrow(x):
-    """A slope that leads to a small hole in a corner: its volume is 1e-6 of the cube."""
+    """A slope that leads to a small hole near a corner, with 1e-6 of the cube's volume."""
     near = np.linalg.norm(x - 0.95, axis=1)
     return near - np.where(np.max(np.abs(x - 0.95), axis=1) < 0.05, 2.0, 0.0)
 
@@ -108,7 +108,7 @@ def test_an_invalid_search_or_a_missing_cmaes_is_refused(monkeypatch):
         island_file.require_cmaes()
 
 
-def test_first_points_are_the_centre_the_corners_and_an_even_spread():
+def test_the_first_search_points_are_the_centre_the_corners_and_an_even_spread():
     few = spread_points(2, 64, seed=0)
     assert few.shape == (64, 2) and few[0].tolist() == [0.5, 0.5]
     assert {tuple(x) for x in few[1:5].tolist()} == {(0, 0), (0, 1), (1, 0), (1, 1)}
@@ -116,7 +116,7 @@ def test_first_points_are_the_centre_the_corners_and_an_even_spread():
     assert counts.min() >= 2 and spread_points(12, 100, seed=1).shape == (100, 12)
 
 
-def test_the_lowest_of_each_neighbourhood_is_chosen():
+def test_distinct_minima_are_the_lowest_points_of_their_neighbourhoods():
     points, values = np.array([[0.0], [0.1], [0.5], [0.55], [1.0]]), np.array([3.0, 1.0, 2.0, 1.5, 9.0])
     assert distinct_minima(points, values, 3, 0.2).tolist() == [1, 3, 4]
     assert distinct_minima(points, values, 2, 0.2).tolist() == [1, 3]
@@ -126,7 +126,7 @@ pytest.importorskip("cmaes")
 
 
 def two_bowls(x):
-    """Best between 0.2 and 0.8 in the first number, at 0.5 in the others: there one falls only if the other grows."""
+    """Two aims, Pareto-optimal where the first coordinate is in [0.2, 0.8] and the others are 0.5."""
     rest = np.sum((x[:, 1:] - 0.5) ** 2, axis=1)
     return np.stack([(x[:, 0] - 0.2) ** 2 + rest, (x[:, 0] - 0.8) ** 2 + rest], axis=1) + 0.01
 
@@ -148,7 +148,7 @@ def test_non_dominated_marks_exactly_the_pareto_optimal_points():
     assert non_dominated(many).tolist() == plainly
 
 
-def test_a_thin_front_keeps_its_ends_and_spreads():
+def test_a_thinned_pareto_front_keeps_its_ends_and_a_wide_spacing():
     aims = np.stack([np.linspace(0, 1, 101), np.linspace(1, 0, 101) ** 2], axis=1)
     chosen = thin_front(aims, 5)
     assert len(chosen) == 5 and {0, 100} <= set(chosen.tolist()) and np.diff(chosen).min() > 10
@@ -158,18 +158,18 @@ def test_the_pareto_search_covers_the_whole_known_front():
     front = pareto_search(free, 4, evaluations=2000)
     np.testing.assert_allclose(front.points[:, 1:], 0.5, atol=0.1)
     assert front.points[:, 0].min() < 0.25 and front.points[:, 0].max() > 0.75
-    # Where both are known: √(f1 - 0.01) + √(f2 - 0.01) = 0.6 on the front.
+    # On the exact front, √(f1 - 0.01) + √(f2 - 0.01) = 0.6.
     np.testing.assert_allclose(np.sqrt(front.aims - 0.01).sum(axis=1), 0.6, atol=0.05)
     assert np.all(np.diff(front.aims[:, 0]) >= 0.0) and non_dominated(front.aims).all()
 
 
-def test_points_that_break_the_condition_are_not_on_the_front():
+def test_infeasible_points_are_not_on_the_pareto_front():
     front = pareto_search(conditional, 4, evaluations=2000, start=np.array([0.1, 0.5, 0.5, 0.5]))
     assert front.start is None and front.points[:, 0].min() == pytest.approx(0.5, abs=0.02)
     assert 0 < front.holding < front.evaluations == 2000
 
 
-def test_without_feasible_points_the_front_is_empty():
+def test_the_pareto_front_is_empty_without_feasible_points():
     front = pareto_search(lambda x: FrontEvaluation(two_bowls(x), 1.0 + x[:, 0]), 2, evaluations=200)
     assert front.points.shape == (0, 2) and front.holding == 0 and front.start is None
 
@@ -194,7 +194,7 @@ def test_points_without_a_finite_value_are_rejected_without_an_error():
     assert pareto_search(gaps, 2, evaluations=300).points[:, 0].min() >= 0.3
 
 
-def test_the_search_works_with_one_and_three_objectives():
+def test_the_pareto_search_works_with_one_and_three_objectives():
     three = pareto_search(
         lambda x: FrontEvaluation(np.concatenate([two_bowls(x), x[:, 1:2] + 0.1], 1), -x[:, 0]), 3, evaluations=600
     )
@@ -212,7 +212,7 @@ pytest.importorskip("SALib")
 
 
 def ishigami(x):
-    """Its indices are known: T. Ishigami, T. Homma, 1990, with a = 7, b = 0.1."""
+    """The Ishigami function (T. Ishigami, T. Homma, 1990) with a = 7, b = 0.1, whose Sobol indices are known."""
     a, b, c = np.pi * (2.0 * x.T - 1.0)
     return np.sin(a) + 7.0 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
 

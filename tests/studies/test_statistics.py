@@ -22,7 +22,7 @@ def test_clopper_pearson_agrees_with_scipy(failures, runs, confidence):
     np.testing.assert_allclose([ours.lower, ours.upper], [theirs.low, theirs.high], rtol=1e-9, atol=1e-15)
 
 
-def test_one_sided_interval_has_the_whole_error_probability():
+def test_a_one_sided_clopper_pearson_interval_agrees_with_scipy():
     item = clopper_pearson(2, 50, 0.95, side="upper")
     theirs = stats.binomtest(2, 50, alternative="less").proportion_ci(0.95, method="exact")
     assert item.lower == 0.0
@@ -32,7 +32,7 @@ def test_one_sided_interval_has_the_whole_error_probability():
 @pytest.mark.parametrize("p", [1e-3, 0.03, 0.5])
 @pytest.mark.parametrize("runs", [20, 700])
 def test_clopper_pearson_has_its_coverage_at_every_rate(p, runs):
-    """Not by simulation: the probability itself, as the sum over all that can be seen."""
+    """The coverage is the exact sum over all possible failure counts, not a simulation."""
     k = np.arange(runs + 1)
     inside = [p in clopper_pearson(int(j), runs, 0.9) for j in k]
     assert stats.binom.pmf(k, runs, p)[inside].sum() >= 0.9
@@ -68,7 +68,7 @@ def test_the_confidence_sequence_without_failures_is_as_sharp_as_clopper_pearson
 
 
 def ever_missed(p, runs, repeats, confidence):
-    """The share of studies in which the rate was outside at any time."""
+    """Return the share of studies in which the rate was outside the confidence sequence at any time."""
     rng, missed = np.random.default_rng(1), 0
     for _ in range(repeats // 500):
         k = np.cumsum(rng.random((500, runs)) < p, axis=1)
@@ -82,14 +82,14 @@ MANY = [pytest.param(p, 3000, 10_000, marks=pytest.mark.full) for p in (0.001, 0
 
 @pytest.mark.parametrize(("p", "runs", "repeats"), [(0.02, 1000, 1000), *MANY])
 def test_the_confidence_sequence_covers_the_rate_at_all_times_jointly(p, runs, repeats):
-    """Ville's bound, and that it is no empty one: a tenth of the misses that it allows do happen."""
+    """The misses stay within Ville's bound and are at least a tenth of it, so that the bound is not vacuous."""
     missed = ever_missed(p, runs, repeats, 0.9)
     sure = 4 * np.sqrt(0.1 * 0.9 / repeats)
     assert 0.01 - sure / 4 <= missed <= 0.1 + sure
 
 
 def test_repeated_evaluation_breaks_the_coverage_of_a_fixed_interval():
-    """Why there is a sequence at all: the fixed one, looked at after each run, misses far more often than it says."""
+    """A fixed interval, evaluated after every 20 runs, misses the rate far more often than its level allows."""
     rng, p = np.random.default_rng(0), 0.1
     ends = {n: [clopper_pearson(k, n, 0.9) for k in range(n + 1)] for n in range(20, 400, 20)}
     k = np.cumsum(rng.random((300, 400)) < p, axis=1)

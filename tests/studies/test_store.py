@@ -39,7 +39,7 @@ else:
 
 
 def killed_after(seconds: float, out: Path, **changes: Any) -> bool:
-    """True if the study, resumed in a process that is killed after so long, came to its end."""
+    """True if the resumed study ended before its process was killed after `seconds`."""
     import json
 
     text = json.dumps({**STUDY, **changes})
@@ -95,7 +95,7 @@ def test_a_killed_study_resumes_and_ends_with_the_same_file(tmp_path):
     with pytest.raises(Stopped):
         study().run(RunOptions(out, progress=stop))
     assert not (out / "rows.parquet").exists() and len(list((out / "parts").iterdir())) == 2
-    # A part that was being written is no part, and a damaged one is computed again.
+    # An incomplete part is ignored, and a damaged part is computed again.
     (out / "parts" / "000000000128-64.tmp77").write_bytes(b"half of a file")
     (out / "parts" / "000000000064-64.parquet").write_bytes(b"PAR1")
     with pytest.warns(
@@ -148,7 +148,7 @@ def test_chunks_have_fewer_rows_for_longer_runs():
 
 
 def begun(out: Path, part: str = "", **changes: Any) -> subprocess.Popen[str]:
-    """A process that runs the study, and has got as far as to open its folder."""
+    """Start a process that runs the study or a part of it."""
     command = [sys.executable, "-W", "error", "-c", PROCESS, json.dumps({**STUDY, **changes}), str(out), part]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
@@ -156,7 +156,7 @@ def begun(out: Path, part: str = "", **changes: Any) -> subprocess.Popen[str]:
 
 
 def ended(processes: Sequence[subprocess.Popen[str]]) -> list[str]:
-    """The last line of each, none of which may have failed or warned."""
+    """Return the last line of each process, none of which may fail or warn."""
     lines = []
     for process in processes:
         out, errors = process.communicate(timeout=600)
@@ -201,7 +201,7 @@ COMPARE = {"study": "compare", "schemes": {"ours": {}, "wider": {"scheme.perform
 
 @pytest.mark.full
 @pytest.mark.usefixtures("small_chunks")
-def test_a_comparison_is_computed_in_parts(tmp_path):
+def test_a_comparison_in_two_parts_gives_the_rows_of_the_whole_comparison(tmp_path):
     request = study(**COMPARE)
     request.run(RunOptions(tmp_path / "alone"))
     with pytest.raises(PartDone) as done:
@@ -213,7 +213,7 @@ def test_a_comparison_is_computed_in_parts(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
-def test_an_invalid_part_is_refused(text):
+def test_an_invalid_part_number_is_refused(text):
     with pytest.raises(DefinitionError, match=r"such as 2/4"):
         Part.parsed(text)
 
@@ -261,6 +261,6 @@ def test_a_killed_part_and_a_joining_process_lose_no_row(tmp_path, seed):
     last = ended([first, third])
     assert last[1] == "whole" and last[0].startswith(("whole", "missing"))
     assert_same_rows(out, tmp_path / "alone", 1280)
-    # The killed one's file, if any, is removed by the next that joins.
+    # The next process removes a file that the killed process left.
     assert ended([begun(out, "2/2", **LONG)]) == ["whole"]
     assert_clean(out)

@@ -341,7 +341,7 @@ def test_an_example_study_can_be_read_and_its_sets_exist(path):
     study = read_study(path)
     assert study.title
     if study.study == "sweep":
-        # A map may go where a warning is due.
+        # Some points of a map may cause a warning.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DefinitionWarning)
             assert len(study.over) == study._family().space.dimensions == 2

@@ -1,4 +1,4 @@
-"""A visitor who clicks, types and drags at random in a studio, and what must not happen of it."""
+"""A visitor who clicks, types and drags at random in a studio, and the faults that this may cause."""
 
 import json
 import random
@@ -161,7 +161,7 @@ def _act(place, page, chance, names):
 
 
 def _heard(message, outcome):
-    # A refused request is in the console of every browser; the page says it in its own words.
+    # Every browser reports a refused request in its console; the page shows its own message.
     if message.type == "error" and "the server responded with a status of 4" not in message.text:
         outcome.faults.append(f"in the console: {message.text}")
 

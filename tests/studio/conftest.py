@@ -1,4 +1,4 @@
-"""One studio for the tests of a worker: its workbench takes seconds to start."""
+"""One studio for all tests of a pytest worker, because its workbench takes seconds to start."""
 
 import pytest
 

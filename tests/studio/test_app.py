@@ -67,7 +67,7 @@ def test_no_path_trick_of_a_request_reaches_a_file_outside(client, shared_root, 
             answer = client.request(method, address, **sent)
             assert SECRET not in answer.text, (name, address, sent)
             if answer.status_code < 300:
-                # An odd name, but one in the folder; a job with it is not what is tried here.
+                # The name is odd, but in the folder; its job is not part of this test.
                 assert (shared_root / name).resolve().is_relative_to(shared_root), (name, address, sent)
                 if address == "/api/jobs":
                     client.delete(f"/api/jobs/{answer.json()['id']}")
@@ -184,7 +184,7 @@ def test_a_file_changed_by_another_program_is_not_overwritten(client, shared_roo
 
 @pytest.mark.full
 def test_a_dead_worker_process_is_replaced_at_the_next_request(client):
-    # Another test may have started the compiler, which is one, too.
+    # The compiler, which another test may have started, is such a process, too.
     benches = [int(pid) for pid in os.listdir("/proc") if pid.isdigit() and is_bench(pid)]
     assert benches
     for bench in benches:

@@ -129,7 +129,7 @@ def test_the_audit_hook_refuses_every_change_outside_for_any_form_of_path(tmp_pa
         bad = ["../outside/new", str(outside / "new"), "out/new", "deep/../../outside/new", b"../outside/new", ".."]
         forms = [(path, -1) for path in bad]
         forms += [("new", folder), ("../outside/new", inside), ("deep/er/../../../x", inside), ("../x", inside)]
-        # Its last part is in the folder, but what is changed is a name outside.
+        # The link's target is in the folder, but the changed name is outside.
         forms += [(str(outside / "in"), -1), ("in", folder)]
         for path, base in forms:
             for event, arguments in (

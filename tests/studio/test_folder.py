@@ -123,7 +123,7 @@ def test_a_race_with_changing_links_never_reads_a_file_outside(root):
     assert read and refused
 
 
-def test_only_regular_files_are_opened(root):
+def test_only_regular_files_within_the_size_limit_are_read(root):
     if not hasattr(os, "mkfifo"):
         pytest.skip("this system has no pipes by name")
     os.mkfifo(root / "pipe.yaml")

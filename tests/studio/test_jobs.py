@@ -37,7 +37,7 @@ def test_a_job_whose_input_file_names_a_file_outside_the_folder_fails(client, sh
     assert SECRET not in json.dumps(job)
 
 
-def test_a_job_writes_the_files_of_its_command_and_its_report_is_served_in_a_sandbox(client, shared_root):
+def test_a_job_writes_its_files_and_its_report_is_served_in_a_sandbox(client, shared_root):
     request = {"scenario": "example-4.1-1khz", "set": {"simulation.t1": 1.0}, "out": "results/one"}
     job = ended(client, client.post("/api/jobs", json={"kind": "run", "options": request}).json())
     assert (job["state"], job["code"], job["answer"]["outcome"]) == ("done", 0, "ok"), job

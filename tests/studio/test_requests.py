@@ -93,7 +93,7 @@ def asker(client):
 
 
 @pytest.mark.parametrize("content", RAW)
-def test_an_invalid_body_is_refused_with_a_sentence(content):
+def test_an_invalid_request_body_is_refused_in_one_line(content):
     for kind in (ScenarioRequest, JobRequest):
         with pytest.raises(RequestError) as refused:
             read_request(content, kind)
@@ -101,7 +101,7 @@ def test_an_invalid_body_is_refused_with_a_sentence(content):
 
 
 @pytest.mark.parametrize("do", [*QUESTIONS, "jobs"])
-def test_every_field_is_checked_by_its_type(do):
+def test_every_request_field_is_checked_for_its_type(do):
     kind = QUESTIONS.get(do, JobRequest)
     types = {"string": str, "number": (int, float), "object": dict, "null": type(None)}
     for field, schema in kind.model_json_schema().get("properties", {}).items():
@@ -203,7 +203,7 @@ def test_a_file_name_that_is_not_unicode_does_not_break_the_listing(client, shar
         *("/api/file?path=a&path=b", "/%FF"),
     ],
 )
-def test_invalid_addresses_are_refused(client, address):
+def test_invalid_request_addresses_are_refused(client, address):
     client.post("/api/jobs", content=b'{"kind": "certify", "options": {"scenario": "nothing"}}', headers=JSON)
     assert client.get(address).status_code in (403, 404, 422)
 
@@ -229,5 +229,5 @@ def test_the_page_without_the_token_contains_no_user_data(tmp_path):
         for page in pages:
             assert page.status_code == 200 and "built in" in page.text
             assert "secret" not in page.text and "mine.yaml" not in page.text and str(tmp_path) not in page.text
-    # Nobody without the token gives the workbench work, but for the first time.
+    # Without the token, only the first request gives the workbench work.
     assert questions == [{"name": DEFAULT, "do": "manifest"}]

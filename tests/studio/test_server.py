@@ -37,7 +37,7 @@ def test_the_server_listens_on_loopback_alone_and_ends_with_its_jobs(running):
                 listening.append(words[1].rsplit(":", 1))
     assert {address for address, _ in listening} <= {"0100007F", "00000000000000000000000001000000"}
     assert {int(port, 16) for _, port in listening} == {running.port}
-    # By a name that an attacker's server resolves to this machine.
+    # This is a name that an attacker's server resolves to this machine.
     assert running.ask("GET", "/", host=f"evil.example:{running.port}")[0] == 403
     assert running.ask("POST", "/api/check", {"name": "example-4.1"}, origin="http://evil.example")[0] == 403
     assert running.ask("GET", "/api/about")[0] == 200
@@ -49,7 +49,7 @@ def test_the_server_listens_on_loopback_alone_and_ends_with_its_jobs(running):
         assert time.monotonic() < until
     children = running.children()
     assert len(children) >= 2
-    # Who waits for an answer is told so, and the server does not wait for it.
+    # A waiting client gets an answer, and the server does not wait for its result.
     waiting = threading.Thread(target=running.ask, args=("POST", "/api/compiled", {"name": "panda-payload"}))
     waiting.start()
     time.sleep(1.0)
@@ -73,7 +73,7 @@ def test_a_killed_server_ends_its_processes(running):
     assert gone(children)
 
 
-def test_a_port_in_use_is_reported_in_one_line(tmp_path):
+def test_a_port_in_use_is_reported_with_the_remedy(tmp_path):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

@@ -1,4 +1,4 @@
-"""Forty ways to ask for a file that is beside the studio's folder and not in it, and a place to try them."""
+"""Path tricks that ask for a file outside the studio's folder, and a folder to try them in."""
 
 import os
 

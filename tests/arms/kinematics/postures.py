@@ -1,4 +1,4 @@
-"""Arms and postures of theirs."""
+"""Arms and their postures for tests of kinematics."""
 
 from __future__ import annotations
 

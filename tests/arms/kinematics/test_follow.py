@@ -1,4 +1,4 @@
-"""A tool that follows its path: where it is at any time, how smooth its joints move, and what is refused."""
+"""Tool paths: poses over time, smooth joint motions, and refused moves."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_full_circle_of_a_redundant_arm_ends_at_its_initial_joint_positions():
     np.testing.assert_allclose(np.linalg.norm(place - pose.position - [0, 0.1, 0], axis=1), 0.1, atol=TIGHT)
     np.testing.assert_allclose(rotation, np.broadcast_to(pose.rotation, rotation.shape), atol=TIGHT)
     np.testing.assert_allclose(followed.trajectory.position(jnp.asarray(times[-1])), start, atol=1e-8)
-    # Even motion in between: the speed of the tip is what was asked.
+    # In between the tip moves at the requested speed.
     speeds = np.linalg.norm(np.diff(place, axis=0), axis=1) / np.diff(times)
     assert abs(speeds.max() - 0.25) < 1e-3 and abs(speeds[100] - 0.25) < 1e-3
     assert_continuous(followed.trajectory)
@@ -101,7 +101,7 @@ def test_curve_passes_through_its_poses_at_the_requested_times():
     _, place = tool(arm, followed, times)
     assert min(np.linalg.norm(place - first, axis=1)) < 1e-3
     np.testing.assert_allclose(place[-1], second, atol=TIGHT)
-    # The shortest time: one of the limits is reached, and none is passed.
+    # In the shortest time a limit is reached and none is exceeded.
     v, a = followed.trajectory.extremes(1).size / 1.0, followed.trajectory.extremes(2).size / 4.0
     assert max(v.max(), a.max()) == pytest.approx(1.0, abs=1e-9)
 
@@ -129,7 +129,7 @@ def test_planar_arm_follows_a_position_path_and_refuses_a_move_off_its_plane():
 
 
 def test_damping_reports_the_pose_error_at_a_singularity():
-    """Straight out to where the arm is stretched, and a millimetre beyond."""
+    """Move straight out until the arm is stretched, and a millimetre beyond its reach."""
     from tests.arms.kinematics.test_inverse import PLANAR
 
     start = np.array([0.0, 0.6])

@@ -1,4 +1,4 @@
-"""A posture with the tool at a pose: it has that pose, is within limits, near where it was searched from, the same."""
+"""Inverse kinematics: the posture has the requested pose, is within the limits and is deterministic."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_inverse_kinematics_is_deterministic_to_the_last_bit():
 
 
 def test_posture_cost_of_a_redundant_arm_is_stationary_along_its_null_space():
-    """At the posture that is solution, what is left to choose is level: along the null space the slope is 0."""
+    """At the solution the posture cost has zero slope along the null space."""
     arm = arms.panda()
     start = home("panda")
     pose = Pose.of_tip(arm, start + 0.05)
@@ -85,7 +85,7 @@ def test_posture_cost_of_a_redundant_arm_is_stationary_along_its_null_space():
         assert abs(free @ slope) < 1e-8
         nearby = solution + 1e-3 * free, solution - 1e-3 * free
         cost = [np.sum(((q - liked) / task.widths) ** 2) for q in (solution, *nearby)]
-        # The barrier at the limits moves it a little off the nearest.
+        # The barrier at the joint limits shifts the solution a little from the nearest posture.
         assert np.linalg.norm(solution - liked) < np.linalg.norm(start - liked) + 0.5
         assert np.isfinite(cost).all()
 

@@ -18,7 +18,7 @@ def worst(robot, seed):
         turns, random.uniform(-np.pi, np.pi, (STATES, robot.joints)), random.uniform(-0.5, 0.5, (STATES, robot.joints))
     )
     dq = random.normal(size=(STATES, robot.joints))
-    # C q̇ is quadratic in q̇. Of a slow joint its rounding would be what is seen.
+    # C q̇ is quadratic in q̇: at low speeds, rounding would dominate.
     q, dq = jnp.asarray(q), jnp.asarray(dq / np.linalg.norm(dq, axis=1, keepdims=True))
     mass = np.asarray(jax.jit(jax.vmap(robot.mass))(q))
     weight = np.asarray(jax.jit(jax.vmap(robot.gravity))(q))

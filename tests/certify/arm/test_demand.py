@@ -1,4 +1,4 @@
-"""The demand of a set, and verdicts on torques: failures have remedies that hold."""
+"""The lumped disturbance bound of a set, and torque certificates: failures have valid remedies."""
 
 from typing import Any
 
@@ -111,7 +111,7 @@ def test_lumped_disturbance_bound_holds_for_random_arms_of_the_set(name):
     bounds = compute_demand(scenario, family)
     exact_demand = asked_by(scenario)
     random = np.random.default_rng(5)
-    # A signal that lies in the hull does so in every direction; the filters are drawn at random.
+    # The hull bounds a signal through any filter; these filters are random.
     filters = random.normal(size=(10, 30))
     close = 0.0
     for seed in range(5 if name in SETS else 20):
@@ -131,7 +131,7 @@ def test_lumped_disturbance_bound_holds_for_random_arms_of_the_set(name):
 
 SHORT = {"simulation.t1": 1.0}
 
-# Numbers that cannot be meant are what some of these tests are about.
+# Some of these tests use implausible values on purpose.
 MEANT = pytest.mark.filterwarnings("ignore::slidax.core.errors.DefinitionWarning")
 
 
@@ -199,7 +199,7 @@ def test_torque_budget_holds_from_a_time_on_for_a_distant_start():
 
 
 def test_torque_budget_fails_if_a_limit_is_reached_up_to_the_end():
-    # The drives can just hold the motion, and chatter at their rate limit to the end.
+    # The drives can barely hold the motion and chatter at their rate limit until the end.
     scenario = load("example-4.1-1khz", SHORT | {"actuator.rate": 600.0})
     verdict = torque_budget(scenario)
     assert verdict.holds is False and verdict.since is None and verdict.margin is None

@@ -1,4 +1,4 @@
-"""Attacks on the whole path from a scenario to its exported law, with an arm that shares no code with slidax."""
+"""Adversarial runs from a scenario to its exported law, with an arm simulation that shares no code with slidax."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SUB = 2
 PATTERNS = 24
 
 AFTER = 0.1
-"""s: time at rest after the motion that is run."""
+"""Time at rest after the motion, s."""
 
 REJECTED, LIMITED, VOID = 256, 32, 128
 """Bits of the exported step's status."""
@@ -37,7 +37,7 @@ Draw = Callable[[Chain, np.random.Generator], Chain]
 
 
 def compiled(scenario: Any, folder: Path) -> Any:
-    """Compile what `slidax export c` writes of a scenario's law, with the arm of campaign.c."""
+    """Compile the C code that `slidax export c` writes for a scenario's law, with the arm of campaign.c."""
     write_files(project(scenario, name="law", with_golden=False), folder, STEP)
     binary, source = folder / "campaign.so", Path(__file__).with_name("campaign.c")
     include = [f"-I{folder}", f"-I{source.parent}"]
@@ -85,12 +85,12 @@ class Target:
 
     @property
     def held(self) -> np.ndarray:
-        """The torque before the first command: that of the nominal arm's weight."""
+        """Torque before the first command: the nominal arm's gravity torque."""
         start = jnp.asarray(self.desired[0, 0])
         return np.asarray(self.law.arm.bias(start, jnp.zeros_like(start)))
 
     def choices(self, rng: np.random.Generator, runs: int, members: int) -> np.ndarray:
-        """Draw what acts in each run; every part of it at its bound, or at random below it."""
+        """Draw the disturbances of each run: all at their bounds, or zero for some joints."""
         n, inputs = self.joints, self.certified.inputs
         result = np.zeros(runs, choice_type(n))
         result["member"] = rng.integers(members, size=runs)
@@ -178,7 +178,7 @@ class Target:
         allowed: Any = np.inf,
         larger: tuple[float, float] = (1.0, 1.0),
     ) -> np.ndarray:
-        """Run members of the set under what is drawn for each run.
+        """Run members of the set under random disturbances.
 
         - `larger`: range of a factor on friction and disturbance.
         """

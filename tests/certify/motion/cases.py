@@ -1,4 +1,4 @@
-"""Arms, loops and motions of the tests of bounds along a motion."""
+"""Arms, loops and motions for the tests of bounds along a motion."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def knotted(
 
 
 def still(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, dddq: np.ndarray | None = None) -> PathCells:
-    """Cells of no length at some states."""
+    """Cells of zero length at some states."""
     nothing = np.zeros_like(q)
     jerk = nothing if dddq is None else dddq
     return PathCells(1e-9, 1, q, dq, ddq, jerk, np.abs(dq), np.abs(ddq), np.abs(jerk), nothing, nothing, None, None)

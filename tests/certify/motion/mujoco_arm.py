@@ -1,4 +1,4 @@
-"""An arm of a URDF file in MuJoCo, with friction and a payload of which slidax is not told."""
+"""An arm of a URDF file in MuJoCo, with friction and a payload unknown to slidax."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ mujoco = pytest.importorskip("mujoco")
 
 SUBSTEPS = 5
 RESOLUTION = 1e-5
-"""rad, of the encoders."""
+"""Encoder resolution, rad."""
 
 
 class MujocoArm:
-    """The arm that is measured and moved, at a rate of 1 kHz."""
+    """The simulated arm with sensors and drives at 1 kHz."""
 
     def __init__(self, file: Path, last: str, *, payload: float, coulomb: float, viscous: float, rotor: float) -> None:
         spec = mujoco.MjSpec.from_string(file.read_text())
@@ -67,7 +67,7 @@ class MujocoArm:
 
 
 class ExportedLaw:
-    """The step that `slidax export c` writes, called by its C interface."""
+    """The law that `slidax export c` writes, called through its C interface."""
 
     def __init__(self, library: Any, joints: int) -> None:
         self.library, self.joints = library, joints

@@ -1,4 +1,4 @@
-"""An arm under the certified law that shares no code with slidax (attack.c), for attacks on its bounds."""
+"""An arm under the certified law that shares no code with slidax (attack.c), for adversarial runs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def library() -> Any:
 
 @dataclass(frozen=True)
 class Chain:
-    """A serial arm as numbers. Bodies are pseudo-inertias [m 4 4], each fixed to the joint `carrier`."""
+    """Parameters of a serial arm. Bodies are pseudo-inertias [m 4 4], each fixed to the joint `carrier`."""
 
     revolute: np.ndarray
     rotations: np.ndarray

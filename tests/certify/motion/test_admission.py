@@ -52,7 +52,7 @@ def test_simulated_arms_of_the_set_stay_within_the_tracking_bound(scenario):
 
 
 def test_arm_that_follows_streamed_positions_stays_within_the_tracking_bound(scenario):
-    # A new goal each 0.5 s at once, at 20 Hz: the filter makes the motion.
+    # The goal jumps every 0.5 s and is sent at 20 Hz: the filter generates the motion.
     times, start = np.arange(0.0, 1.5, 0.05), np.array(scenario.state0.q)
     goals = start + np.random.default_rng(0).uniform(-0.3, 0.3, (3, 7))
     goals[0] = start
@@ -86,7 +86,7 @@ def test_wider_inertial_band_has_a_larger_tracking_bound(scenario):
 
 
 def test_known_payload_difference_enlarges_the_tracking_bound(scenario):
-    # Without the band: 0.1 kg more than the law knows.
+    # No band; the true payload is 0.1 kg heavier than the law's model.
     heavier = sx.scenarios.load(PANDA, {"uncertainty": {}, "robot.plant.load": {"mass": 0.1, "center": [0, 0, 0.1]}})
     exact = sx.scenarios.load(PANDA, {"uncertainty": {}})
     assert "a known difference" in tracking_bound(heavier).statement

@@ -1,4 +1,4 @@
-"""Arms as points with mass against the arms' own equations."""
+"""Arms as point masses against the arms' own equations."""
 
 from typing import Any
 
@@ -91,7 +91,7 @@ def test_norms_of_body_point_slopes_agree_with_finite_differences(name: str) -> 
     ):
         sizes = np.stack([np.linalg.norm(part, axis=(1, 2)) for part in columns], axis=1)
         np.testing.assert_allclose(each, sizes, rtol=1e-6, atol=1e-8)
-        # A sum over the joints is largest for some velocities of norm 1, of which 200 are tried.
+        # A sum over the joints has its maximum at a velocity of norm 1; 200 such velocities are tried.
         velocity = np.random.default_rng(0).normal(size=(200, 5, n, 1))
         velocity = (path.root @ velocity)[..., 0] / np.linalg.norm(velocity, axis=2)
         sums = np.einsum("snj,jnab->snab", velocity, np.stack(columns))

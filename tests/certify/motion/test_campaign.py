@@ -1,4 +1,4 @@
-"""Attacked runs of exported laws, from the scenario file to the C code, against every line of the verdict."""
+"""Adversarial runs of exported laws, from the scenario file to the C code, against every line of the verdict."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -58,7 +58,7 @@ def chain_scenario(n: int, folder: Path, **changes: Any) -> Any:
 
 
 def arm_scenario(name: str, folder: Path, p: float, **changes: Any) -> Any:
-    """A built-in arm with a payload and the ellipsoid of an identification."""
+    """A built-in arm with a payload and an identified ellipsoid of parameters."""
     arm, band = identified(name, p)
     n = arm.joints
     load = {"panda": 2.0, "ur5e": 3.0}[name]
@@ -82,7 +82,7 @@ def arm_scenario(name: str, folder: Path, p: float, **changes: Any) -> Any:
 
 
 def motion_of(scenario: Any, rng: np.random.Generator, share: float) -> Any:
-    """Three stops, of 0.3 to 1 s altogether, from the start of the scenario."""
+    """A motion of 0.3 to 0.6 s through two or three points, from the start of the scenario."""
     arm = scenario.controller.nominal
     start = np.asarray(scenario.state0.q, float)
     n, count = arm.joints, int(rng.integers(2, 4))
@@ -117,11 +117,11 @@ CASES: dict[str, dict[str, Any]] = {
     "panda": {"p": 0.02},
     "ur5e": {"p": 0.02, "period": 2e-3, "delay": 0},
 }
-"""Arms of 1 to 7 joints with a band per body, and two with the ellipsoid of an identification."""
+"""Arms of 1 to 7 joints with a band per body, and two arms with an identified ellipsoid."""
 
 
 class Case:
-    """The exported law of a case, and motions that are admitted."""
+    """The exported law of a case and its admitted motions."""
 
     def __init__(self, name: str, folder: Path) -> None:
         self.options = dict(CASES[name])
@@ -133,7 +133,7 @@ class Case:
         self.library = compiled(self.scenario, folder)
 
     def target(self, rng: np.random.Generator, allowed: Any = None) -> Target:
-        """A random motion as fast as one that is admitted."""
+        """Return a random motion, slowed down until it is admitted."""
         for share in 0.7 ** np.arange(3 if self.scenario.controller.joints > 3 else 0, 16):
             target = Target.of(self.scenario, motion_of(self.scenario, rng, share), self.library, allowed)
             if target is not None:
@@ -147,7 +147,7 @@ class Case:
 
 
 def assert_every_line_holds(target: Target, outcomes: np.ndarray) -> None:
-    """No bound is passed, and what is `proved` of the law's own bounds is so."""
+    """Assert that no bound is exceeded and that the gate and the torque limits stay inactive, as `proved`."""
     worst = dict(zip(KINDS, outcomes["worst"].max(axis=0), strict=True))
     assert max(worst.values()) <= 1.0, worst
     lines = {line.text.split(":")[0]: line.status for line in target.answer.verdict.assumptions}
@@ -166,7 +166,7 @@ def test_adversarial_runs_of_an_exported_law_stay_within_its_certified_bounds(sc
     target = scara.target(rng)
     outcomes = target.attack(rng, scara.draw(target), 200, 24)
     assert_every_line_holds(target, outcomes)
-    # The attack is a strong one.
+    # The runs reach a quarter of the bound.
     assert outcomes["worst"][:, 0].max() > 0.25
 
 
@@ -191,11 +191,11 @@ def test_many_adversarial_runs_of_an_exported_law_stay_within_its_certified_boun
 MONITORED = "scheme.sampled_data.monitor"
 
 WITHIN = 0.003
-"""rad or m: largest error that is allowed along the motions of the monitored law."""
+"""Largest allowed error along the motions of the monitored law, rad or m."""
 
 
 def monitored(name: str, folder: Path, motions: int, rng: np.random.Generator) -> tuple[Case, list[Target]]:
-    """A case whose law has the monitor for some admitted motions, and these motions."""
+    """Return a case whose law monitors some admitted motions, and these motions."""
     case = Case(name, folder)
     targets = [case.target(rng, WITHIN) for _ in range(motions)]
     setting = monitor_setting([target.answer for target in targets])
@@ -204,7 +204,7 @@ def monitored(name: str, folder: Path, motions: int, rng: np.random.Generator) -
 
 
 def outside(case: Case, target: Target, rng: np.random.Generator, runs: int) -> np.ndarray:
-    """Runs of arms that are heavier by up to a payload nobody knows of, with more friction and disturbance."""
+    """Run arms outside the set: with an unknown payload, more friction and more disturbance."""
 
     def draw(nominal: Chain, rng: np.random.Generator) -> Chain:
         bodies = nominal.bodies.copy()

@@ -1,4 +1,4 @@
-"""The law of a scenario is the one that the bounds along a motion are about."""
+"""The law of a scenario is the law that the bounds along a motion assume."""
 
 from typing import Any
 
@@ -68,7 +68,7 @@ def certified(arm: AbstractRobot, delay: int, **changes: Any) -> SampledData:
 
 
 def sliding(arm: AbstractRobot, plan: PaperPlan, delay: int, density: float = 0.1) -> SampledData:
-    """The paper's law with the plan of the independent one."""
+    """The paper's law with the plan of the independent simulation."""
     law = SlidingMode(
         arm,
         PrescribedPerformance(
@@ -94,7 +94,7 @@ def torques(law: SampledData, q: Any, first: Reference, references: Any) -> Any:
         command = law(t, State(q, jnp.zeros_like(q)), at, after, memory)
         return command.memory, (command.tau, command.signals["rejected"])
 
-    # The time of a sample is when its torque sets in.
+    # The time of a sample is the time at which its torque acts.
     samples = jnp.asarray(PERIOD * (law.delay + np.arange(len(q)))), q, references[:-1], references[1:]
     return jax.lax.scan(step, law.init(jnp.asarray(PERIOD * law.delay), start, first), samples)[1]
 
@@ -116,7 +116,7 @@ def test_scenario_law_computes_the_torques_of_the_certified_law(name: str, delay
     assert not np.any(rejected)
     applied = run.torque[delay:]
     np.testing.assert_allclose(tau[: len(applied)], applied, atol=1e-9 * np.max(np.abs(applied)), rtol=0)
-    # The forward dynamics at the start of a period are another law.
+    # A law with the model at the start of a period computes other torques.
     other, _ = torques(
         certified(arm, delay, midpoint=False),
         measured,

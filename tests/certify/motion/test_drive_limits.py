@@ -1,4 +1,4 @@
-"""Bounds of torques and their steps, attacked on an independent plant."""
+"""Bounds of torques and torque steps against adversarial runs of an independent plant."""
 
 from functools import cache
 from typing import Any
@@ -39,7 +39,7 @@ def attacked_torques(
     run: int,
     plan: PaperPlan | None = None,
 ) -> np.ndarray:
-    """Torques of one attacked run [slots n]."""
+    """Torques of one adversarial run [slots n]."""
     loop, cells = certified.loop, certified.path.cells
     slots, sub, coulomb = len(cells.q) * cells.per_cell, 4, np.asarray(certified.inputs.coulomb)
     nominal = Chain.of(arm)
@@ -78,7 +78,7 @@ def test_adversarial_runs_stay_within_the_torque_and_torque_step_bounds(name: st
 
 
 class Moves:
-    """The model's arguments at a sample and at the one before: places between -1 and 1 of what the bounds allow."""
+    """The model's arguments at two successive samples, as shares between -1 and 1 of their bounds."""
 
     def __init__(self, name: str, seed: int, starts: int) -> None:
         self.arm, _, certified, _ = case(name, seed)
@@ -107,7 +107,7 @@ class Moves:
         return np.einsum("ndk,nd->nk", y, points.acceleration) + rotors * ddq, y.swapaxes(1, 2) @ y + np.diag(rotors)
 
     def ratios(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque of the model off the plan without s, and its step with that of `M0 s`, relative to their bounds."""
+        """Deviation of the model's torque from the plan, and its step with that of `M0 s`, relative to their bounds."""
         (q, dq, ddq), repeat = self.plan, len(places) // len(self.step)
         q, dq, ddq = (np.repeat(part, repeat, axis=0) for part in (q, dq, ddq))
         planned, masses = zip(*(self.model(q[:, k], dq[:, k], ddq[:, k]) for k in range(2)), strict=True)
@@ -128,7 +128,7 @@ class Moves:
         return np.abs(apart[1]) / state, np.abs(step) / whole
 
     def climb(self, which: int, rounds: int) -> float:
-        """The largest ratio after rounds in which each place goes to the end that makes it larger."""
+        """Largest ratio after rounds in which each share moves to the end that increases it."""
         places, worst = self.places, 0.0
         shape = places[0].size
         for _ in range(rounds):

@@ -1,4 +1,4 @@
-"""The error equation of the theorem holds to rounding on simulated data of an arm that is not slidax's."""
+"""The error equation of the theorem holds to rounding on data from an independent simulation."""
 
 import jax
 import jax.numpy as jnp
@@ -39,7 +39,7 @@ def test_both_sides_of_the_error_equation_agree_on_simulated_data(delay: int) ->
     s = commanded - mean
     ratio = np.linalg.solve(true_mass, mass(q))
     predicted = mean + np.einsum("kij,kj->ki", ratio, s + w)
-    # The first torques are those that hold the arm, before the law has decided any.
+    # Before the law's first command, the torques hold the arm.
     decided = slice(delay * sub, None)
     np.testing.assert_allclose(ddq[decided], predicted[decided], atol=1e-9 * np.max(np.abs(ddq)))
 

@@ -68,7 +68,7 @@ def test_goal_with_the_signs_of_its_kernel_attains_the_kernel_gain(name: str) ->
     kernels = loop_kernels(loop)
 
     def responses(goal: np.ndarray) -> dict[str, np.ndarray]:
-        """e, v and s by the equations, for goals of commands by the period in which they act."""
+        """e, v and s by the equations, for goals indexed by the period in which their command acts."""
         h, delay = loop.period, loop.delay
         e = v = position = speed = push = 0.0
         pending = [(0.0, 0.0)] * delay
@@ -142,7 +142,7 @@ def test_sliding_mode_goals_stay_within_their_bound_and_nearly_attain_it() -> No
 @pytest.mark.parametrize("name", ["panda"])
 def test_adversarial_runs_stay_within_the_bounds_of_a_sliding_mode_law(name: str) -> None:
     arm, rng = arm_of(name), np.random.default_rng(0)
-    # An envelope that narrows while the arm moves, so that the goal counts.
+    # The envelope narrows while the arm moves, so that the goal matters.
     plan = PaperPlan(horizon=0.01, initial=0.05, final=0.01, deadline=0.2)
     law = sliding(arm, plan, 1, density=3.0)
     motion = short(arm, 0)

@@ -1,4 +1,4 @@
-"""Kernels of the scalar loop against a simulation of it that was written from the equations."""
+"""Kernels of the scalar loop against an independent simulation of its equations."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_disturbance_with_the_signs_of_the_kernel_attains_the_kernel_gain(name: 
     for output in ("error", "velocity", "command"):
         impulse = np.zeros((slots, sub))
         impulse[0, :] = 1.0
-        # Responses to a pulse at each substep of a period, which is all of the kernel.
+        # Responses to a pulse at each substep of a period, which give the whole kernel.
         responses = np.stack(
             [simulated(loop, np.where(np.arange(sub) == i, impulse, 0.0))[output] for i in range(sub)], axis=1
         )
@@ -134,7 +134,7 @@ def test_response_to_a_wrong_initial_filter_position_stays_within_its_kernel() -
     loop = JointLoop.with_density(1e-3, 0.02, 1.0, 1e-5, 1)
     kernel = loop_kernels(loop)["error"]
     state = np.zeros(len(loop.maps.step))
-    # The prediction and the pending command's position are off, the arm is not.
+    # The prediction and the pending command's position are wrong; the arm's position is right.
     state[[2, OWN]] = 1.0
     errors = []
     for _ in range(300):

@@ -47,7 +47,7 @@ NEAR: dict[str, Any] = {
 
 
 def test_simulated_two_link_arms_of_the_set_stay_within_the_tracking_bound():
-    # From rest the motion begins with an acceleration, for which 4 N m a period are too few.
+    # The motion starts from rest with an acceleration that needs a torque step above 4 N m.
     assert tracking_bound(sx.scenarios.load("example-4.1-1khz", NEAR)).statement.startswith(
         "Not certified: planned torque step"
     )

@@ -38,7 +38,7 @@ def test_arms_of_the_identified_ellipsoid_lie_within_its_cover(name: str) -> Non
     covers = region.points.swapaxes(1, 2) @ region.points
     own = BodyPoints.of(identified(name)[0]).pseudo_inertias
     for body, cover in enumerate(covers):
-        # Some directions of the first body show in no torque and have no width.
+        # Some directions of the first body affect no torque and have no width.
         root = np.linalg.inv(np.linalg.cholesky(cover + 1e-9 * np.trace(own[body]) * np.eye(4)))
         scaled = root @ region.deviations[:, body] @ root.T
         largest = 0.0
@@ -75,7 +75,7 @@ def largest(columns: np.ndarray, mass: np.ndarray) -> np.ndarray:
 
 
 def of_matrices(matrices: np.ndarray, mass: np.ndarray) -> np.ndarray:
-    """The norm of `M0⁻¹ Σ ξ_r B_r` for the ξ that is worst for random directions, from below, [N]."""
+    """Lower bound [N] of the largest norm of `M0⁻¹ Σ ξ_r B_r` over |ξ| <= 1, from random starts."""
     root = np.linalg.inv(np.linalg.cholesky(mass))
     scaled = np.einsum("nki,nijr,nlj->nklr", root, matrices, root)
     rng, best = np.random.default_rng(0), np.zeros(len(mass))
@@ -235,11 +235,11 @@ QUANTITIES: dict[str, tuple[Callable[[Members, State, State], np.ndarray], float
 
 
 def climb(name: str, which: str, starts: int, steps: int) -> float:
-    """The largest ratio of a quantity to its stored bound, at ends of cells and at corners of the tube."""
+    """Largest ratio of a quantity to its stored bound, at ends of cells and at corners of the tube."""
     members, motion, cells, _, _, bounds = case(which)
     rng, quantity = np.random.default_rng(1), QUANTITIES[name][0]
     bound = getattr(bounds, name).reshape(len(cells.q), -1)
-    # At rest nothing changes, but for rounding.
+    # At rest the quantities differ by rounding only.
     bound = np.maximum(bound, 1e-6 * bound.max()) * (1 + 1e-9)
     cell = rng.integers(len(bound), size=starts)
     cell[: starts // 2] = np.argsort(bound.max(axis=1))[-1 - np.arange(starts // 2) % 8]

@@ -1,4 +1,4 @@
-"""Sets of numbers of the true arm as a region of its inertial parameters."""
+"""Sets of the true arm's parameters as a region of inertial parameters."""
 
 from typing import Any
 
@@ -58,7 +58,7 @@ def test_random_arms_of_a_set_lie_within_its_parameter_region(name: str) -> None
     rows = np.concatenate([parameters_of(area.deviations), area.rotor_deviations], axis=1)
     cover = np.swapaxes(area.points, 1, 2) @ area.points
     states = rng.uniform(-1.5, 1.5, (20, 7))
-    # Combinations of parameters that no torque shows are free, so that torques are compared.
+    # Some combinations of parameters affect no torque, so that torques are compared.
     regressor = inertial_regressor(nominal, JointMotion(*rng.uniform(-1.5, 1.5, (3, 20, 7)))).reshape(-1, rows.shape[1])
     masses = [np.asarray(nominal.mass(jnp.asarray(q))) for q in states]
     for run in range(12):
@@ -73,7 +73,7 @@ def test_random_arms_of_a_set_lie_within_its_parameter_region(name: str) -> None
             relative = np.linalg.solve(mass, np.asarray(arm.mass(jnp.asarray(q))) - mass)
             largest[0] = max(largest[0], np.max(np.abs(np.linalg.eigvals(relative))) / area.p)
         bodies, rotors = pseudo_inertias(apart[: BODY * 7]), apart[BODY * 7 :]
-        # With a known difference, the cover is that of other parameters with the same torques.
+        # With a known difference, the cover belongs to other parameters with the same torques.
         for sign in (-1.0, 1.0) if "difference" not in area.title else ():
             slack = np.linalg.eigvalsh(cover + sign * bodies).min()
             assert slack >= -1e-9 * np.abs(cover).max()

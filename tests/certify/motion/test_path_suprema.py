@@ -1,4 +1,4 @@
-"""Suprema along a motion against ascents on the quantities themselves, at any time of a cell and place of the tube."""
+"""Suprema along a motion against gradient ascents on the quantities, at any time of a cell and place of the tube."""
 
 from collections.abc import Callable
 from functools import cache, cached_property
@@ -52,7 +52,7 @@ class Point:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The derivative of the inverse dynamics by the positions; computed where it is asked for, as it takes long."""
+        """Derivative of the inverse dynamics by the positions; computed on demand, because it takes long."""
         step = 1e-6
         ahead, behind = (
             np.stack(

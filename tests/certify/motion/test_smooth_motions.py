@@ -129,7 +129,7 @@ def test_a_motion_without_an_end_needs_an_end_time_and_a_settled_law_starts_at_r
 
 
 def test_first_planned_torque_step_starts_from_the_holding_torque():
-    # A jump of the acceleration at the start.
+    # The acceleration jumps at the start.
     arm, ends = arm_of("panda"), np.stack([PLACE, PLACE + 0.02])
     motion = Tabulated(np.array([0.0, 0.2]), np.stack([np.full((1, 7), 0.5), np.zeros((1, 7)), ends[:1]]))
     cells = PathCells.of(motion, 1e-3)

@@ -1,4 +1,4 @@
-"""From a URDF to guaranteed motions: slidax knows of the arm only what a log of MuJoCo's shows."""
+"""From a URDF to guaranteed motions: slidax identifies the arm from a MuJoCo log."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from .campaign import LIMITED, REJECTED, chain_urdf, compiled, desired, scenario
 from .mujoco_arm import RESOLUTION, ExportedLaw, MujocoArm
 
 START = 0.3
-"""rad, of all joints."""
+"""Start position of all joints, rad."""
 
 SCENARIO = """
 title: an arm that MuJoCo moves
@@ -49,7 +49,7 @@ def identified_scenario(arm: MujocoArm, urdf: Path, folder: Path) -> Any:
 
 
 def random_motion(law: Any, rng: np.random.Generator) -> Any:
-    """From the start to a random place, by a random one on the way."""
+    """A motion from the start through a random posture to another."""
     arm = law.arm
     lower, upper = (np.clip(np.asarray(limit), -2.5, 2.5) for limit in (arm.limits.lower, arm.limits.upper))
     points = np.concatenate(
@@ -78,7 +78,7 @@ def run_along(arm: MujocoArm, law: ExportedLaw, reference: np.ndarray) -> tuple[
 def assert_motions_stay_within_their_bounds(
     arm: MujocoArm, urdf: Path, folder: Path, count: int, refused_at_most: int = 0
 ) -> None:
-    """Of `count` motions all but a few are admitted, slowed down if need be, and each of these stays in its bound."""
+    """Assert that most of `count` motions are admitted, if need be slowed down, and stay within their bounds."""
     scenario = identified_scenario(arm, urdf, folder)
     law, rng = certified_law(scenario), np.random.default_rng(5)
     exported = ExportedLaw(compiled(scenario, folder), law.arm.joints)

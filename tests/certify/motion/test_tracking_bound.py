@@ -1,4 +1,4 @@
-"""Certified errors along motions, attacked on an independent plant."""
+"""Certified errors along motions against adversarial runs of an independent plant."""
 
 import itertools
 from collections.abc import Callable
@@ -54,7 +54,7 @@ def attack(
     sub: int = 4,
     plan: PaperPlan | None = None,
 ) -> np.ndarray:
-    """The largest ratio of error and speed to their bounds in each run, of some members of the region."""
+    """Run members of the region; return the largest ratio of error and speed to their bounds in each run."""
     loop, cells = certified.loop, certified.path.cells
     slots = len(cells.q) * cells.per_cell
     reference = desired(motion, loop.period, slots, sub, loop.delay)
@@ -65,7 +65,7 @@ def attack(
         push, friction = None, coulomb
         kind = run % 3
         if kind:
-            # Any form within the bound: reversals of all joints at once, at random or at the pace of the loop.
+            # Any form within the bound is allowed: reversals of single joints or of all joints together.
             pace = rng.integers(2, 40)
             signs = rng.choice([-1.0, 1.0], size=(slots * sub // pace + 1, arm.joints if kind == 1 else 1))
             push = np.repeat(signs, pace, axis=0)[: slots * sub] * coulomb
@@ -143,7 +143,7 @@ def test_long_adversarial_runs_of_identified_arms_stay_within_the_bounds(name: s
     base = ArmUncertainty.identified(arm, members.band, resolution=1e-5)
     for run in range(10):
         motion = make(arm, rng, rng.uniform(0.2, 1.0))
-        # Without friction, so that the band is what matters.
+        # Every other run has no friction, so that the band dominates.
         uncertain = replace(base, coulomb=0.3 * (run % 2), viscous_error=0.02 * (run % 2))
         certified = certified_path(arm, motion, loop, uncertain)
         if certified.bounds.verified:
@@ -234,7 +234,7 @@ def test_bounds_grow_with_every_uncertainty() -> None:
     for ladder in ladders:
         errors = [error(**step) for step in ladder]
         for less, more in itertools.pairwise(errors):
-            # Bounds are found to a part in 1000, and from 1000 up by the step that verifies them.
+            # Bounds have a relative accuracy of 0.001 and a margin from the step that verifies them.
             assert np.all(less <= more * 1.004)
         assert np.max(errors[0]) < np.max(errors[-1])
 

@@ -120,7 +120,7 @@ def test_settling_time_supremum_is_nearly_attained_and_below_the_printed_bound()
 
 
 def settled(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    """The time when each joint was last outside its core, and the end time."""
+    """Return the last time when each joint was outside its core, and the end time."""
     run = scenario.simulate()
     assert run.outcome.ok, run.outcome.message
     law = PrintedLaw.of(scenario)
@@ -165,7 +165,7 @@ def require_that_the_bound_holds(scenario: Scenario) -> None:
     error = np.abs(np.asarray(run.log.e))[late].max(axis=0)
     s = np.linalg.norm(np.asarray(run.log.signals["s"])[late], axis=1).max()
     assert np.all(error <= verdict.bound["error"]) and s <= verdict.bound["sliding_variable"]
-    # A bound that is never near says little: here it is within a few times, as M is constant.
+    # The bound is not too loose: within a factor of 5, as M is constant.
     if scenario.robot == "two_link":
         assert s > 0.2 * verdict.bound["sliding_variable"]
 

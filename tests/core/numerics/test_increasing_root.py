@@ -1,4 +1,4 @@
-"""Roots of increasing functions: found from anywhere, and differentiated as roots are."""
+"""Roots of increasing functions: convergence from any guess, and derivatives."""
 
 import jax
 import jax.numpy as jnp
@@ -11,13 +11,13 @@ from slidax.core.root_finding import ITERATIONS
 
 
 def cubic(parameters, x):
-    """`a x³ + b x`, flat where b is small: where a plain Newton step is thrown far out."""
+    """`a x³ + b x`; for small b it is flat near 0, and a plain Newton step goes far away."""
     a, b = parameters
     return a * x**3 + b * x, 3.0 * a * x**2 + b
 
 
 def stiff(parameters, x):
-    """A steep step on a slope, as a narrow envelope is: Newton steps from outside it jump to and fro."""
+    """A steep step on a slope, as in a narrow envelope: Newton steps from outside alternate between its sides."""
     width, rate = parameters
     return jnp.tanh(x / width) + rate * x, (1.0 - jnp.tanh(x / width) ** 2) / width + rate
 
@@ -28,7 +28,7 @@ def solved(function, parameters, target, guess):
     return increasing_root(function, parameters, target, guess, at_guess, bracket, 1e-12 * (1 + jnp.abs(target)))
 
 
-def test_roots_are_found_from_any_guess():
+def test_the_root_solver_converges_from_any_guess():
     rng = np.random.default_rng(0)
     target = jnp.asarray(rng.normal(size=500) * 10)
     guess = jnp.asarray(rng.normal(size=500) * 10 ** rng.uniform(-6, 5, 500))
@@ -46,8 +46,8 @@ def test_a_guess_that_is_the_root_is_returned_unchanged():
 
 @settings(max_examples=6, deadline=None)
 @given(st.lists(st.floats(-9, 2), min_size=1, max_size=5), st.floats(-1, 1), st.floats(-1, 1), st.floats(-8, -1))
-def test_the_solver_ends_within_its_iterations_at_its_stated_accuracy(steepness, where, guess, rate):
-    """Stairs, on each of which a Newton step learns nothing of the next."""
+def test_the_root_solver_reaches_its_tolerance_within_its_iteration_limit(steepness, where, guess, rate):
+    """A staircase: a Newton step on one stair has no information about the next stair."""
     turns = 0
 
     def stairs(parameters, x):
@@ -68,11 +68,11 @@ def test_the_solver_ends_within_its_iterations_at_its_stated_accuracy(steepness,
         x = increasing_root(stairs, parameters, target, start, at_guess, bracket, jnp.array([1e-15]))
     assert turns <= ITERATIONS
     left = abs(float(stairs(parameters, x)[0][0] - target[0]))
-    # Where a step is steep the rounding of x alone is this much.
+    # On a steep step, rounding of x alone causes an error of this size.
     assert left <= 1e-15 or abs(float(x[0] - where)) <= 2 * 2.0**-52 + 1e-15 / 10.0**rate
 
 
-def test_forward_and_reverse_derivatives_are_those_of_the_root():
+def test_derivatives_of_the_root_agree_with_implicit_differentiation_in_both_modes():
     target, guess = jnp.array([5.0, -1.0]), jnp.zeros(2)
     a, b = jnp.array([2.0, 3.0]), jnp.array([1.0, 0.5])
 

@@ -1,4 +1,4 @@
-"""The two steps: their order, their stages, and what each keeps."""
+"""The two integrators: convergence order, stages and exactness."""
 
 import jax
 import jax.numpy as jnp
@@ -33,7 +33,7 @@ def order(step, steps):
 @pytest.mark.parametrize(
     ("step", "steps", "expected"), [(runge_kutta_4, 20, 4.0), (semi_implicit_euler, 200, 1.0)], ids=["rk4", "euler"]
 )
-def test_step_converges_at_its_order(step, steps, expected):
+def test_each_integrator_converges_at_its_order(step, steps, expected):
     assert order(step, steps) == pytest.approx(expected, abs=0.15 if expected == 4.0 else 0.05)
 
 
@@ -61,7 +61,7 @@ def test_runge_kutta_integrates_a_cubic_in_time_exactly():
     assert float(after.q[0]) == pytest.approx(1.5**4, rel=1e-15)
 
 
-def test_value_rate_and_curvature_agree_with_closed_forms():
+def test_value_rate_curvature_returns_a_function_and_its_two_time_derivatives():
     t = jnp.asarray(0.7)
     value, rate, curvature = value_rate_curvature(lambda t: jnp.stack([jnp.sin(2.0 * t), t**3]), t)
     np.testing.assert_allclose(value, [np.sin(1.4), 0.343], rtol=1e-14)

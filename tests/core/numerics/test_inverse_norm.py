@@ -1,4 +1,4 @@
-"""The spectral norm of an inverse against NumPy's, with eigenvalues apart, near, and equal."""
+"""Spectral norm of an inverse compared with NumPy, for distant, near and equal eigenvalues."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ gradient = jax.jit(jax.grad(inverse_norm))
 
 
 def symmetric(values, seed):
-    """A symmetric matrix with these eigenvalues, turned at random."""
+    """A symmetric matrix with these eigenvalues and random eigenvectors."""
     turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(len(values), len(values))))
     a = (turn * values) @ turn.T
     return 0.5 * (a + a.T)
@@ -23,7 +23,7 @@ def of_numpy(a):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-def test_the_closed_form_norm_agrees_with_numpy(n):
+def test_the_closed_form_norm_of_the_inverse_agrees_with_numpy(n):
     rng = np.random.default_rng(0)
     for seed in range(100):
         a = symmetric(rng.uniform(0.1, 10.0, n), seed)
@@ -33,14 +33,14 @@ def test_the_closed_form_norm_agrees_with_numpy(n):
 @pytest.mark.parametrize(
     "values", [[2.0, 2.0], [1.0, 1e4], [1.0, 1.0, 5.0], [1.0, 5.0, 5.0], [3.0, 3.0, 3.0], [1.0, 1.0 + 1e-9, 1e3]]
 )
-def test_the_norm_has_finite_gradients_at_equal_and_distant_eigenvalues(values):
+def test_the_inverse_norm_has_finite_gradients_at_equal_and_distant_eigenvalues(values):
     for a in (np.diag(values), symmetric(np.array(values), 1)):
         np.testing.assert_allclose(norm(jnp.asarray(a)), of_numpy(a), rtol=1e-6 * max(values))
         assert np.all(np.isfinite(gradient(jnp.asarray(a))))
 
 
 @pytest.mark.parametrize("n", [4, *(pytest.param(n, marks=pytest.mark.full) for n in (6, 7))])
-def test_for_larger_matrices_the_norm_is_an_upper_bound_within_its_stated_factor(n):
+def test_the_inverse_norm_of_larger_matrices_is_an_upper_bound_within_its_stated_factor(n):
     rng = np.random.default_rng(1)
     for seed in range(30):
         values = rng.uniform(0.1, 10.0, n) if seed else np.ones(n)
@@ -54,7 +54,7 @@ def test_for_larger_matrices_the_norm_is_an_upper_bound_within_its_stated_factor
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
-def test_the_gradient_of_the_norm_matches_differences(n):
+def test_the_gradient_of_the_inverse_norm_matches_finite_differences(n):
     a = symmetric(np.arange(1.0, n + 1.0), 3)
     along = symmetric(np.linspace(-1.0, 1.0, n), 4)
     h = 1e-6
@@ -63,7 +63,7 @@ def test_the_gradient_of_the_norm_matches_differences(n):
     assert float(derivative) == pytest.approx(difference, rel=1e-6)
 
 
-def test_the_norm_makes_no_library_call():
+def test_the_inverse_norm_compiles_without_library_calls():
     for n in (2, 3, 7):
         program = jax.jit(inverse_norm).lower(jnp.eye(n)).compile().as_text()
         assert "custom-call" not in program

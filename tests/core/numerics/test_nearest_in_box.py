@@ -1,4 +1,4 @@
-"""Torques within limits: the accelerations nearest to those that were wanted (Gauss)."""
+"""Torque limits: the feasible torque whose acceleration is nearest to the desired acceleration (Gauss)."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ nearest = jax.jit(nearest_in_box)
 
 
 def arm(n, rng):
-    """An inertia matrix as coupled as those of arms are."""
+    """A random inertia matrix with coupling as strong as in an arm."""
     root = rng.normal(size=(n, n))
     return jnp.asarray(root @ root.T + 0.5 * np.eye(n))
 
@@ -24,7 +24,7 @@ def test_a_torque_inside_the_limits_is_returned_bit_for_bit():
 
 
 @pytest.mark.parametrize("n", [2, 3, 7])
-def test_no_other_torque_within_the_limits_is_nearer_in_acceleration(n):
+def test_the_limited_torque_minimises_the_weighted_acceleration_error(n):
     rng = np.random.default_rng(n)
     for _ in range(20):
         mass, wanted = arm(n, rng), jnp.asarray(rng.normal(size=n) * 5)
@@ -41,7 +41,7 @@ def test_no_other_torque_within_the_limits_is_nearer_in_acceleration(n):
         assert cost(torque) <= reference.fun * (1 + 1e-3) + 1e-9
 
 
-def test_an_unlimited_joint_keeps_its_acceleration_while_another_lacks_torque():
+def test_a_joint_without_a_torque_limit_keeps_its_acceleration_while_another_saturates():
     mass = jnp.array([[2.0, 0.9], [0.9, 1.0]])
     wanted = mass @ jnp.array([10.0, -1.0])
     limit = jnp.array([5.0, jnp.inf])

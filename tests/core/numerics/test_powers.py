@@ -22,7 +22,7 @@ from slidax.core import (
 exponents = st.floats(0.05, 0.95)
 widths = st.floats(1e-3, 1.0)
 cores = st.floats(1.05, 3.0)
-# In widths of the core, and off its edge, where one of the two has a kink.
+# In core widths, without the edge, where the linear core has a kink.
 places = st.floats(-3.0, 3.0).filter(lambda z: abs(abs(z) - 1) > 1e-6 and (z == 0 or abs(z) > 1e-6))
 
 linear_core = jax.jit(linear_core_power_and_slope)
@@ -38,7 +38,7 @@ def test_the_linear_core_power_agrees_with_the_printed_formula(z, p, delta):
     assert float(slope) == pytest.approx(p * abs(x) ** (p - 1) if outside else delta ** (p - 1), rel=1e-12)
 
 
-def test_at_the_edge_the_linear_core_power_is_continuous_and_its_slope_jumps_to_the_outer_one():
+def test_the_linear_core_power_is_continuous_at_its_edge_and_its_slope_jumps():
     inside, inner = linear_core(0.01 * (1 - 1e-12), 0.5, 0.01)
     edge, outer = linear_core(0.01, 0.5, 0.01)
     assert float(inside) == pytest.approx(0.1, rel=1e-11)
@@ -48,7 +48,7 @@ def test_at_the_edge_the_linear_core_power_is_continuous_and_its_slope_jumps_to_
 
 
 @given(places, exponents, cores, widths)
-def test_the_two_term_power_is_that_of_the_equations(z, a, r, delta):
+def test_the_two_term_power_and_its_slope_agree_with_the_printed_equations(z, a, r, delta):
     x = z * delta
     l1, l2 = (r - a) / (r - 1) * delta ** (a - 1), (a - 1) / (r - 1) * delta ** (a - r)
     value, slope = two_term(x, a, r, delta)
@@ -72,7 +72,7 @@ def test_powers_and_slopes_have_finite_gradients_everywhere(x, part):
         assert np.all(np.isfinite(by(jnp.asarray(x), *arguments)))
 
 
-def test_saturation_is_the_sign_with_a_linear_middle():
+def test_saturation_is_linear_inside_its_layer_and_the_sign_outside():
     x = jnp.array([-2.0, -0.05, -0.02, 0.0, 0.02, 0.05, 2.0])
     np.testing.assert_allclose(saturation(x, jnp.asarray(0.05)), [-1, -1, -0.4, 0, 0.4, 1, 1], rtol=1e-14)
     np.testing.assert_array_equal(saturation(x, jnp.asarray(0.0)), np.sign(x))
@@ -81,7 +81,7 @@ def test_saturation_is_the_sign_with_a_linear_middle():
         assert all(np.all(np.isfinite(g)) for g in slopes(x, jnp.asarray(width)))
 
 
-def test_the_unit_vector_is_zero_at_zero_and_shorter_by_its_layer():
+def test_the_unit_vector_is_zero_at_zero_and_shortened_by_its_boundary_layer():
     x = jnp.array([3.0, -4.0])
     np.testing.assert_allclose(unit_vector(x, jnp.asarray(0.0)), [0.6, -0.8], rtol=1e-15)
     np.testing.assert_allclose(unit_vector(x, jnp.asarray(5.0)), [0.3, -0.4], rtol=1e-15)
@@ -102,13 +102,13 @@ derivative_of_even_power = jax.jit(jax.grad(lambda x, alpha: power(jnp.abs(x), a
 
 
 @given(bases, st.floats(-1.5, 4.0))
-def test_the_power_agrees_with_numpy(x, a):
+def test_the_power_agrees_with_numpy_for_positive_bases(x, a):
     if x > 0:
         assert float(raised(x, a)) == pytest.approx(np.power(x, a), rel=1e-13)
 
 
 @given(bases.filter(lambda x: x > 0), st.floats(-1.5, 4.0), st.floats(2.01, 4.0))
-def test_power_has_the_true_derivatives(x, a, b):
+def test_derivatives_of_the_power_by_base_and_exponent_agree_with_closed_forms(x, a, b):
     by_x, by_a = raised_slopes(x, a)
     assert float(by_x) == pytest.approx(a * x ** (a - 1), rel=1e-12, abs=1e-300)
     assert float(by_a) == pytest.approx(x**a * np.log(x), rel=1e-12, abs=1e-13)
@@ -124,7 +124,7 @@ def test_at_zero_the_power_and_its_derivatives_are_zero(a):
     assert float(jax.grad(jax.grad(power))(zero, exponent)) == 0.0
 
 
-def test_a_power_and_its_two_time_derivatives_share_a_single_pow():
+def test_a_power_and_its_two_time_derivatives_compile_to_a_single_power_operation():
     def motion(t):
         return power(1.0 - t, jnp.asarray(2.01))
 
@@ -144,7 +144,7 @@ def test_sig_is_the_signed_power_of_each_entry(entries, a):
 
 
 @given(reals, steep)
-def test_the_slope_of_sig_is_the_one_of_eq_35_and_of_lemma_2(x, a):
+def test_the_slope_of_sig_agrees_with_equation_35_and_lemma_2(x, a):
     printed = a * abs(x) ** (a - 1)
     assert float(signed_slope(x, a)) == pytest.approx(printed, rel=1e-12)
     assert float(derivative_of_sig(x, a)) == pytest.approx(printed, rel=1e-12)
@@ -152,7 +152,7 @@ def test_the_slope_of_sig_is_the_one_of_eq_35_and_of_lemma_2(x, a):
 
 
 @given(reals, steep)
-def test_the_even_power_of_lemma_2_has_the_odd_one_as_its_slope(x, alpha):
+def test_the_slope_of_the_even_power_agrees_with_lemma_2(x, alpha):
     expected = (alpha + 1.0) * float(signed(x, alpha))
     assert float(derivative_of_even_power(x, alpha)) == pytest.approx(expected, rel=1e-12)
 
@@ -167,7 +167,7 @@ def test_sig_is_odd_and_increasing():
 
 
 @given(reals, reals, steep)
-def test_the_forward_derivative_counts_both_arguments(dx, da, a):
+def test_the_forward_derivative_of_the_power_includes_base_and_exponent(dx, da, a):
     x = 2.0
     _, tangent = jax.jvp(power, (jnp.asarray(x), jnp.asarray(a)), (jnp.asarray(dx), jnp.asarray(da)))
     expected = a * x ** (a - 1) * dx + x**a * np.log(x) * da
@@ -226,14 +226,14 @@ def test_smooth_power_agrees_with_the_printed_formula(x, z, p, delta):
 
 
 @given(st.floats(-3.0, 3.0), exponents, widths)
-def test_smooth_power_slope_is_the_printed_one_and_the_derivative(z, p, delta):
+def test_smooth_power_slope_agrees_with_the_printed_slope_and_the_derivative(z, p, delta):
     x = z * delta
     assert slope(x, p, delta) == pytest.approx(printed_slope(x, p, delta), rel=1e-11)
     assert float(gradients(x, p, delta)[0]) == pytest.approx(slope(x, p, delta), rel=1e-11)
 
 
 @EACH_CORE
-def test_the_core_meets_the_power_with_its_value_and_slope_at_delta(p, delta):
+def test_smooth_power_has_continuous_value_and_slope_at_the_edge_of_its_core(p, delta):
     l1, l2, l3 = coefficients(p, delta)
     inside = l1 * delta + l2 * delta**2 + l3 * delta**3
     inside_slope = l1 + 2 * l2 * delta + 3 * l3 * delta**2
@@ -246,7 +246,7 @@ def test_the_core_meets_the_power_with_its_value_and_slope_at_delta(p, delta):
 
 @EACH_CORE
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_second_derivative_is_continuous_at_the_edge_of_the_core(p, delta, side):
+def test_smooth_power_has_a_continuous_second_derivative_at_the_edge_of_its_core(p, delta, side):
     second = jax.grad(lambda x: smooth_power_slope(x, jnp.asarray(p), jnp.asarray(delta)))
     expected = side * p * (p - 1) * delta ** (p - 2)
     for near in (1 - 1e-9, 1 + 1e-9):
@@ -254,7 +254,7 @@ def test_second_derivative_is_continuous_at_the_edge_of_the_core(p, delta, side)
 
 
 @EACH_CORE
-def test_smooth_power_is_odd_and_increasing_and_keeps_zero_and_units(p, delta):
+def test_smooth_power_is_odd_and_increasing_and_leaves_0_and_1_unchanged(p, delta):
     x = jnp.linspace(-3 * delta, 3 * delta, 601)
     y = np.asarray(smooth_power(x, jnp.asarray(p), jnp.asarray(delta)))
     assert np.array_equal(y, -smooth_power(-x, jnp.asarray(p), jnp.asarray(delta)))
@@ -264,7 +264,7 @@ def test_smooth_power_is_odd_and_increasing_and_keeps_zero_and_units(p, delta):
 
 
 @given(st.floats(-3.0, 3.0), exponents, widths)
-def test_gradients_by_the_exponent_and_the_width_match_differences(z, p, delta):
+def test_smooth_power_gradients_by_exponent_and_core_width_match_finite_differences(z, p, delta):
     x = z * delta
     _, by_p, by_delta = gradients(x, p, delta)
     h = 1e-6

@@ -21,7 +21,7 @@ from slidax.scenarios.descriptions import description_of
 
 
 def scratch(meaning: str, unit: str, range: str, default: float, source: str) -> type[AbstractSurface]:
-    """A surface whose one gain is declared as it is said here."""
+    """A surface whose only gain has this declaration."""
 
     class Scratch(AbstractSurface):
         """`g e`, for this test."""
@@ -44,7 +44,7 @@ DECLARATIONS = [
 
 
 @pytest.mark.parametrize(("meaning", "unit", "range", "default", "source", "wrong"), DECLARATIONS)
-def test_one_declaration_defines_documentation_checks_and_messages(
+def test_a_parameter_declaration_defines_its_documentation_checks_and_messages(
     meaning: str, unit: str, range: str, default: float, source: str, wrong: float
 ) -> None:
     part = scratch(meaning, unit, range, default, source)
@@ -79,7 +79,7 @@ def test_one_declaration_defines_documentation_checks_and_messages(
         ("", [1e300, -1.0], [np.inf, np.nan]),
     ],
 )
-def test_a_declared_range_accepts_and_refuses_the_right_values(
+def test_a_parameter_accepts_values_inside_its_declared_range_only(
     range: str, inside: list[float], outside: list[float]
 ) -> None:
     class One(AbstractPart):
@@ -94,7 +94,7 @@ def test_a_declared_range_accepts_and_refuses_the_right_values(
             One(value)
 
 
-def test_a_range_may_end_at_another_parameter_and_shapes_come_from_annotations() -> None:
+def test_a_range_may_depend_on_another_parameter_and_shapes_are_checked() -> None:
     class Pair(AbstractPart):
         """Two numbers."""
 
@@ -116,14 +116,14 @@ def every_description() -> list[Any]:
 
 
 @pytest.mark.parametrize("model", every_description())
-def test_every_parameter_of_scenario_files_has_a_meaning(model: Any) -> None:
+def test_every_parameter_of_scenario_files_has_a_description_and_a_default_or_is_required(model: Any) -> None:
     for row in _rows(model, ""):
         assert len(row["meaning"]) > 3, row["path"]
         assert row["required"] or "default" in row
 
 
 @pytest.mark.parametrize("kind", ["surfaces", "reaching", "bounds", "performance", "transformations"])
-def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
+def test_every_parameter_of_a_law_part_declares_a_meaning_and_a_range_or_unit(kind: str) -> None:
     for model in described(kind).values():
         for entry in parameters_of(model.part):
             assert entry.meaning, (model.part, entry.name)
@@ -131,7 +131,7 @@ def test_every_parameter_of_a_part_is_declared(kind: str) -> None:
             assert known, (model.part, entry.name)
 
 
-def test_presets_name_the_source_of_their_values() -> None:
+def test_the_cftsmppc_preset_names_the_source_of_its_default_values() -> None:
     rows = {row["path"]: row for row in explain_parameters("cftsmppc")["parameters"]}
     assert rows["surface.k1"]["default"] == 0.2
     assert rows["surface.k1"]["source"] == "Table 1"
@@ -139,7 +139,7 @@ def test_presets_name_the_source_of_their_values() -> None:
     assert rows["transformation.overshoot"]["required"]
 
 
-def test_an_ambiguous_name_is_refused_with_its_kinds() -> None:
+def test_an_ambiguous_part_name_is_refused_with_the_unambiguous_names() -> None:
     with pytest.raises(
         DefinitionError, match=r"ambiguous name `fixed_time`: use `performance.fixed_time` or `reaching.fixed_time`"
     ):
@@ -149,7 +149,7 @@ def test_an_ambiguous_name_is_refused_with_its_kinds() -> None:
         explain_parameters("computd_torque")
 
 
-def test_piece_fields_are_documented_and_not_checked() -> None:
+def test_fields_declared_as_piece_are_documented_but_not_checked() -> None:
     class Holder(AbstractPart):
         """Something."""
 
@@ -160,7 +160,7 @@ def test_piece_fields_are_documented_and_not_checked() -> None:
     assert isinstance(Holder(Linear(1.0)).surface, Linear)
 
 
-def test_evaluated_annotations_give_the_same_shapes():
+def test_annotations_that_are_types_instead_of_strings_give_the_same_shapes():
     """As in a module without `from __future__ import annotations`."""
     fields = {"a": PerJoint, "b": Scalar, "c": Vector | None, "d": Float[Array, "3"], "e": Matrix}
     body = {name: parameter("meaning", default=None) for name in fields}

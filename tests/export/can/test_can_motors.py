@@ -84,7 +84,7 @@ def run(law, arm, stop_at=None):
 
 
 @pytest.mark.parametrize(("signs", "zeros"), [((1.0, 1.0), (0.0, 0.0)), ((-1.0, 1.0), (0.5, -0.3))])
-def test_the_arm_moves_within_its_limits_and_is_released_slowly(law, signs, zeros):
+def test_the_can_arm_tracks_like_the_rehearsal_and_its_torque_fades_out_slowly(law, signs, zeros):
     arm = Arm(law, signs, zeros)
     outcome, log = run(law, arm)
     assert (outcome.ending, outcome.phase) == ("finished", "rest"), outcome
@@ -123,7 +123,7 @@ def test_a_motor_fault_ends_the_motion_and_names_its_joint(law):
 
 
 @pytest.mark.parametrize("tau", [0.0, 12.3, -53.9, 80.0, -80.0, math.nan])
-def test_a_torque_is_encoded_within_half_a_step(law, tau):
+def test_a_torque_is_encoded_in_a_can_frame_within_half_a_step(law, tau):
     sent = []
     bus = SimpleNamespace(send=sent.append)
     Motors(law, bus, message, [1, 2], [0x11, 0x12], [1.0, -1.0], [0.0, 0.0]).command([tau, tau], 2.5)
@@ -135,7 +135,7 @@ def test_a_torque_is_encoded_within_half_a_step(law, tau):
         assert (data[5] << 4 | data[6] >> 4) * 5.0 / 4095 == pytest.approx(2.5, abs=5.0 / 4095)
 
 
-def test_python_can_carries_the_frames(law):
+def test_torque_frames_and_motor_replies_pass_through_python_can(law):
     can = pytest.importorskip("can")
     with can.Bus("slidax", interface="virtual") as bus, can.Bus("slidax", interface="virtual") as other:
         motors = Motors(law, bus, can.Message, [1, 2], [0x11, 0x12], [1.0, 1.0], [0.0, 0.0])

@@ -25,14 +25,14 @@ def outcomes(folder):
         return {fault: franka_chain.moved_in_time(folder, fault) for fault in franka_chain.FAULTS}
 
 
-def test_the_arm_moves_more_than_ten_seconds_without_a_reflex(outcomes, folder):
+def test_the_franka_simulation_runs_for_20_s_without_a_reflex(outcomes, folder):
     text = outcomes["none"]
     assert (text["ending"], text["bridged"]) == ("finished", 0)
     assert text["periods"] > 20_000 and text["largest_error"] < 1e-3
     assert "differ by 0 N m" in franka.compared(CompiledLaw(folder / "law"), folder / "none.csv")
 
 
-def test_faults_end_safely_with_the_documented_status(outcomes):
+def test_faults_in_the_franka_simulation_end_with_the_documented_status_and_little_motion(outcomes):
     assert outcomes["one-nan"]["ending"] == "finished" and outcomes["one-nan"]["bridged"] == 1
     assert "no good measurement" in outcomes["nan"]["said"] and outcomes["nan"]["ending"] == "stopped"
     assert outcomes["pause"]["ending"] == "reflex"

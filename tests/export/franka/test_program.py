@@ -53,14 +53,14 @@ def ran(program, *arguments, fault=""):
 
 
 @needs_cmake
-def test_the_program_moves_the_arm_from_where_it_stands_to_the_end(built, tmp_path):
+def test_the_franka_program_moves_the_arm_from_its_posture_through_the_whole_motion(built, tmp_path):
     result = ran(built, "robot", *SHORT, "--no-realtime", "--log", str(tmp_path / "log.csv"))
     assert result.returncode == 0, result.stdout + result.stderr
     assert result.stdout.startswith("finished in phase rest: nothing is wrong")
     with open(tmp_path / "log.csv", newline="", encoding="utf-8") as file:
         rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
     tau = np.array([[row[f"tau_{k}"] for k in range(1, 8)] for row in rows])
-    # The robot adds the weight: what is sent begins at nothing, and never steps by more than the robot takes.
+    # The robot compensates gravity: commands begin near zero and never step by more than the robot allows.
     assert np.abs(tau[0]).max() < 0.5 and np.abs(np.diff(tau, axis=0)).max() <= 1.0
     phases = [row["phase"] for row in rows]
     assert phases == sorted(phases) and set(phases) == {0, 1, 2, 3, 4, 5}
@@ -75,14 +75,14 @@ def test_the_program_moves_the_arm_from_where_it_stands_to_the_end(built, tmp_pa
         *(("gap", 3, "too many periods without a sample"), ("push", 3, "the error is too large (joint 4)")),
     ],
 )
-def test_a_fault_ends_the_program_as_documented(built, fault, code, message):
+def test_a_fault_ends_the_franka_program_with_the_documented_exit_code(built, fault, code, message):
     result = ran(built, "robot", *SHORT, "--no-realtime", fault=fault)
     assert (result.returncode, message in result.stdout) == (code, True), result.stdout + result.stderr
 
 
 @pytest.mark.full
 @needs_cmake
-def test_wrong_input_is_one_line_with_exit_code_2(built):
+def test_invalid_arguments_of_the_franka_program_are_refused_with_exit_code_2(built):
     for arguments, message in (
         ([], "the robot's address is missing"),
         (["robot", "--hold"], "--hold needs a value"),
@@ -97,7 +97,7 @@ def test_wrong_input_is_one_line_with_exit_code_2(built):
 
 
 class Control:
-    """As `pylibfranka`'s: the scenario's arm, with its weight taken by the robot."""
+    """Torque control as in `pylibfranka`: the scenario's arm, whose gravity the robot compensates."""
 
     def __init__(self, arm, breaks):
         self.arm, self.breaks, self.periods = arm, breaks, 0
@@ -147,7 +147,7 @@ def short(law):
     return pilot
 
 
-def test_the_python_program_moves_the_arm_and_its_log_replays_bit_for_bit(law):
+def test_the_python_franka_program_finishes_and_its_log_replays_bit_for_bit(law):
     pilot, log = short(law), MotionLog(law)
     outcome = franka.run_franka(Robot(rehearsal.RehearsalArm(law)), Torques, pilot, log)
     assert (outcome.ending, outcome.phase, outcome.success_rate) == ("finished", "rest", 1.0)
@@ -162,7 +162,7 @@ def test_a_reflex_is_reported_and_a_requested_stop_ends_at_rest(law):
     assert (ended.ending, ended.why) == ("finished", "a stop was requested") and pilot.report.t < 1.6
 
 
-def test_gravity_compensated_twice_is_detected_before_anything_moves(law):
+def test_gravity_compensated_twice_stops_the_program_before_the_motion_begins(law):
     pilot = short(law)
     pilot.parameters.nominal_gravity_vector[:] = [0.0, 0.0, -9.81]
     robot = Robot(rehearsal.RehearsalArm(law))
@@ -178,7 +178,7 @@ def test_a_motion_does_not_begin_at_a_posture_out_of_range(law):
         assert list(pilot.report.tau) == [0.0] * 7
 
 
-def test_the_law_gets_the_torque_that_gravity_leaves():
+def test_torque_limits_are_reduced_by_gravity_if_the_robot_compensates_it():
     scenario = scenarios.load("panda-payload", {"scheme": {"name": "computed_torque"}})
     without = weight_by_robot(scenario)
     (arm,), (light,) = (
@@ -189,7 +189,7 @@ def test_the_law_gets_the_torque_that_gravity_leaves():
     assert weight.max() > 15.0
     assert np.abs(jax.vmap(light.gravity)(q)).max() == np.abs(jax.vmap(without.plant.robot.gravity)(q)).max() == 0.0
     left = np.asarray(without.plant.actuator.limits.torque)
-    # The weight is looked at at other moments there.
+    # The export evaluates the gravity torque at other times.
     assert (left + weight <= np.asarray(arm.limits.torque) + 0.05).all() and (left > 0.5).all()
 
 

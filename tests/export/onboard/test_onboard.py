@@ -54,12 +54,12 @@ def test_the_path_is_smooth_to_rest_whenever_a_stop_is_requested(law, rest_at):
     q, dq, ddq = (np.array(rows[part]) for part in PARTS)
     assert q[0].tolist() == start and not dq[0].any() and not ddq[0].any()
     assert not dq[-1].any() and not ddq[-1].any()
-    # Central differences of second order: what is left is of the third derivative.
+    # Central differences have an error that is proportional to the third derivative.
     assert np.abs((q[2:] - q[:-2]) / (2 * h) - dq[1:-1]).max() < 1e-4
     jumps = np.abs(np.diff(dq, axis=0)) - h * np.abs(ddq[1:])
     assert jumps.max() < 1e-3
     if rest_at is None:
-        # Of the whole motion it is the scenario's own, later.
+        # After the start-up phases the path is the scenario's own motion.
         moved = next(k for k in range(len(q)) if k * h > path.hold + 3.0)
         wanted = np.array(
             [np.asarray(SCENARIO.trajectory.reference(jnp.asarray(s)).q) for s in np.linspace(2.0, 3.0, 6)]
@@ -68,7 +68,7 @@ def test_the_path_is_smooth_to_rest_whenever_a_stop_is_requested(law, rest_at):
         assert max(nearest) < 2e-3
 
 
-def test_the_reference_one_period_later_equals_the_next_reference(law):
+def test_the_predicted_next_reference_equals_the_reference_one_period_later(law):
     pilot = law.pilot()
     pilot.begin([0.4, -0.3])
     pilot.options.path.hold = 0.0
@@ -90,7 +90,7 @@ def following(law):
 
 
 @pytest.mark.parametrize("parts", ["q", "dq", "ddq"])
-def test_a_trajectory_passes_its_points_and_ends_smoothly(law, parts):
+def test_a_trajectory_passes_its_points_and_is_replaced_smoothly(law, parts):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     times = [0.5, 1.0, 1.5]
@@ -139,7 +139,7 @@ def test_an_invalid_trajectory_is_refused_with_a_reason(law, times, q, dq, messa
     assert list(pilot.reference.q) == [0.1, 0.2]
 
 
-def test_a_requested_stop_brakes_a_trajectory(law):
+def test_a_requested_stop_brings_the_arm_to_rest_during_a_trajectory(law):
     pilot, arm = following(law), RehearsalArm(law, [0.1, 0.2])
     pilot.begin([0.1, 0.2])
     pilot.step(0.0, *arm.measured())
@@ -155,7 +155,7 @@ def test_a_requested_stop_brakes_a_trajectory(law):
     assert abs(pilot.reference.q[0]) < 1.0 and pilot.reference.dq[0] == 0.0
 
 
-def test_bad_samples_are_bridged_for_some_periods_and_then_stop_the_arm(law):
+def test_invalid_measurements_are_bridged_for_some_periods_and_then_stop_the_arm(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.begin(arm.measured()[0])
     action, bridged, held = onboard.GO, 0, None
@@ -177,11 +177,11 @@ def test_bad_samples_are_bridged_for_some_periods_and_then_stop_the_arm(law):
     assert (action, k, pilot.report.bridged) == (onboard.STOP, 100 + pilot.options.held, bridged)
     assert "measurement" in pilot.why
     assert law.conditions(pilot.report.status) == ["MEASUREMENT_NOT_FINITE", "STOP_REQUESTED"]
-    # It stays stopped, also when all is well again.
+    # The pilot stays stopped when measurements are valid again.
     assert pilot.step(1e-3, *arm.measured()) == onboard.STOP
 
 
-def test_a_lasting_status_brings_the_arm_to_rest(law):
+def test_torque_at_its_limits_for_too_long_brings_the_arm_to_rest(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.parameters.limits_torque[:] = [1e-3] * 2
     allow_error(pilot, 1e3)
@@ -189,7 +189,7 @@ def test_a_lasting_status_brings_the_arm_to_rest(law):
     assert pilot.why == "the torque has been at its limits for too long" and pilot.report.t < 2.0
 
 
-def test_the_robots_limits_hold_even_if_the_law_has_others(law):
+def test_the_robots_torque_and_rate_limits_hold_even_if_the_laws_limits_differ(law):
     pilot, arm = law.pilot(), RehearsalArm(law)
     pilot.options.torque[:], pilot.options.rate[:] = [20.0] * 2, [500.0] * 2
     pilot.options.free = False
@@ -203,7 +203,7 @@ def test_the_robots_limits_hold_even_if_the_law_has_others(law):
     assert pilot.report.clipped > 0
 
 
-def test_the_structures_have_the_same_size_in_python_and_c(law, tmp_path):
+def test_c_structures_have_the_same_size_in_python_and_c(law, tmp_path):
     names = ("options", "report", "reference", "command", "parameters", "trajectory", "admission")
     lines = "".join(f'    printf("%zu\\n", sizeof(slidax_law_{name}));\n' for name in names)
     text = f'#include "slidax_law_admit.h"\n#include <stdio.h>\nint main(void) {{\n{lines}    return 0;\n}}\n'
@@ -213,7 +213,7 @@ def test_the_structures_have_the_same_size_in_python_and_c(law, tmp_path):
     assert [ctypes.sizeof(getattr(law, name.capitalize())) for name in names] == list(map(int, result))
 
 
-def test_the_pilot_compiles_in_floats(tmp_path):
+def test_the_pilot_in_single_precision_finishes_its_motion(tmp_path):
     project = export_c(SCENARIO, tmp_path / "law", name="law", single=True, golden=False)
     write_onboard(project, RobotLimits.of(SCENARIO, project), tmp_path)
     for part in SOURCES:
@@ -255,7 +255,7 @@ def needed(law, pilot, q, dq, ddq):
     return np.array(tau)
 
 
-def test_the_nominal_torque_is_that_of_the_laws_own_arm(law):
+def test_the_nominal_torque_in_c_agrees_with_the_nominal_arm_in_python(law):
     pilot, arm = law.pilot(), SCENARIO.controller.nominal
     q, dq, ddq = [0.3, -0.7], [0.5, 1.1], [2.0, -3.0]
     expected = (
@@ -273,7 +273,7 @@ def test_a_trajectory_that_needs_too_much_torque_is_refused_with_joint_time_and_
     assert why.joint == 2 and why.limit == pytest.approx(0.9 * 60.0) and why.value > why.limit and 0.0 <= why.t < 0.3
 
 
-def test_a_slowed_trajectory_keeps_the_torque_limit_and_a_faster_one_does_not(law):
+def test_a_trajectory_is_slowed_just_enough_to_keep_the_torque_limit(law):
     pilot = at_rest(law)
     pilot.options.torque[:] = [150.0, 60.0]
     pilot.options.path.ramp = 1e3
@@ -293,7 +293,7 @@ def test_a_slowed_trajectory_keeps_the_torque_limit_and_a_faster_one_does_not(la
     assert 0.88 < share(0.3 * slowdown) < 0.902 < share(0.3 * slowdown / 1.02)
 
 
-def test_every_stop_of_an_admitted_trajectory_keeps_the_torque_limit(law):
+def test_stops_during_an_admitted_trajectory_keep_the_torque_limit(law):
     for ramp in (1.0, 0.1):
         pilot = at_rest(law)
         pilot.options.torque[:] = [150.0, 60.0]
@@ -330,7 +330,7 @@ def test_a_point_at_time_zero_must_be_where_the_arm_is(law):
     assert why.joint == 1 and why.value == pytest.approx(0.2, abs=1e-3) and why.limit == 0.05
 
 
-def test_a_rest_that_the_law_requires_is_not_ended_by_a_trajectory(law):
+def test_no_trajectory_is_accepted_while_the_law_brings_the_arm_to_rest(law):
     pilot = at_rest(law)
     assert pilot.take([2.0], [[1.0, 0.2]], [[0.0, 0.0]]) == ""
     pilot.options.limited = pilot.options.outside = 10**6

@@ -11,7 +11,7 @@ from tests.export.ros2.test_controller import PACKAGE
 pytestmark = [pytest.mark.full, pytest.mark.skipif(bool(colcon.missing()), reason=f"not here: {colcon.missing()}")]
 
 
-def test_the_controller_is_built_and_found_as_a_plugin(tmp_path):
+def test_colcon_builds_the_controller_and_registers_it_as_a_plugin(tmp_path):
     done = colcon.built(scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}}), tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning:" not in done.stdout + done.stderr, done.stdout

@@ -151,7 +151,7 @@ def test_goals_succeed_or_are_refused_and_no_goal_is_lost(action):
 
 @needs_a_compiler
 @needs_cmake
-def test_a_new_goal_preempts_and_a_cancelled_arm_comes_to_rest(action):
+def test_a_new_goal_preempts_the_current_goal_and_every_cancel_succeeds(action):
     assert int(action["preempted"]) >= 50 and int(action["slowed"]) >= 5
     canceled, requests = map(int, action["canceled"].split(" of "))
     assert canceled == requests >= 50
@@ -175,7 +175,7 @@ def test_a_new_goal_preempts_and_a_cancelled_arm_comes_to_rest(action):
         ("deactivated", "aborted -4 the controller was deactivated"),
     ],
 )
-def test_a_result_has_the_code_of_control_msgs_and_the_reason(action, goal, result):
+def test_a_goal_result_has_the_code_of_control_msgs_and_the_reason(action, goal, result):
     assert re.fullmatch(result, action[goal]), action[goal]
 
 
@@ -187,7 +187,7 @@ def test_no_goal_preemption_or_cancel_makes_the_torque_jump(action):
     assert float(action["reference"]) < 0.008 and float(action["lost client"]) < 0.02
 
 
-def test_parameters_have_names_units_ranges_and_meanings(parameters):
+def test_ros2_parameters_have_descriptions_and_validation_rules(parameters):
     result = dict(leaves(parameters[PACKAGE]))
     assert result["joints"]["default_value"] == ["joint_1", "joint_2"]
     gain = (
@@ -200,19 +200,19 @@ def test_parameters_have_names_units_ranges_and_meanings(parameters):
 
 
 @pytest.mark.parametrize("name", ["left-arm/shoulder", "wam.base yaw", "\u00e9paule_1", "it's", "yes", "1"])
-def test_interfaces_are_claimed_by_the_robots_joint_names(name):
+def test_unusual_joint_names_stay_unchanged_in_the_parameter_file(name):
     names = interface_names([name, "elbow"])
     assert names == [name, "elbow"]
     assert YAML(typ="safe").load(f"joints: {as_list(map(as_text, names))}") == {"joints": [name, "elbow"]}
 
 
 @pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb"])
-def test_a_name_that_is_invalid_in_parameter_files_is_refused(name):
+def test_a_joint_name_that_is_invalid_in_parameter_files_is_refused(name):
     with pytest.raises(DefinitionError, match="rename the joint in the robot's and the hardware's files"):
         interface_names([name])
 
 
-def test_the_package_is_complete(package):
+def test_the_ros2_package_declares_its_plugin_dependencies_and_configuration(package):
     plugin = ElementTree.parse(package / f"{PACKAGE}.xml").getroot()
     assert plugin.get("path") == PACKAGE
     assert plugin[0].attrib == {
@@ -232,6 +232,6 @@ def test_the_package_is_complete(package):
     compile((package / "launch" / "control.launch.py").read_text(), "control.launch.py", "exec")
 
 
-def test_gravity_is_compensated_by_the_law_or_by_the_robot(tmp_path):
+def test_an_unknown_gravity_compensation_is_refused(tmp_path):
     with pytest.raises(DefinitionError, match='must be "law" or "robot"'):
         export_ros2(scenarios.load("example-4.1-1khz"), tmp_path, gravity="nobody")

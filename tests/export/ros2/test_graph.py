@@ -8,7 +8,7 @@ from tests.export.exported import needs_a_compiler, quickly_compiled
 
 @needs_a_compiler
 @pytest.mark.skipif(ros2.python() is None, reason="no environment .venv-ros with rclpy (docs/ros2.md)")
-def test_the_node_answers_every_state_and_completes_a_trajectory(tmp_path):
+def test_the_ros2_node_answers_every_joint_state_and_completes_a_trajectory(tmp_path):
     scenario = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
     export_ros2(scenario, tmp_path, name="law", golden=False)
     quickly_compiled(tmp_path / "law")

@@ -51,16 +51,16 @@ def test_goals_inside_the_guarantee_arrive_with_errors_within_it(lines):
         ("not required", "99 "),
     ],
 )
-def test_a_goal_outside_the_guarantee_is_refused_with_the_reason(lines, goal, result):
+def test_a_goal_is_accepted_or_refused_by_the_guarantee_with_a_reason(lines, goal, result):
     assert re.fullmatch(result, dict(lines)[goal]), dict(lines)[goal]
 
 
 @pytest.mark.full
-def test_the_guarantee_is_a_parameter_of_the_controller(package):
+def test_the_guarantee_is_required_by_default_and_assumes_no_torque_steps(package):
     rows = parameters_of(package)["slidax_law_controller"]["guarantee"]
     assert rows["required"]["default_value"] is True and rows["assume_steps"]["default_value"] is False
 
 
-def test_a_robot_that_carries_its_weight_itself_has_no_guarantee(tmp_path):
+def test_a_guarantee_is_refused_if_the_robot_compensates_gravity(tmp_path):
     with pytest.raises(DefinitionError, match="--gravity law"):
         export_ros2(scenarios.load("example-4.1-1khz", NEAR), tmp_path, gravity="robot", admission=True)

@@ -40,7 +40,7 @@ def message(names, *rows):
     return SimpleNamespace(joint_names=names, points=points)
 
 
-def test_joints_are_taken_by_name_and_a_finger_is_left_out_with_a_warning(node):
+def test_trajectory_joints_are_matched_by_name_and_unknown_joints_ignored_with_a_warning(node):
     node.wanted(message(["finger", "left-arm/elbow", "left-arm/shoulder"], [0.04, 1.0, 2.0]))
     assert node.pilot.taken == [([0.0], [[2.0, 1.0]], [[20.0, 10.0]], None)]
     assert node.ros.lines == ["trajectory joints unknown to the law are ignored: finger"]

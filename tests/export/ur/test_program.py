@@ -25,7 +25,7 @@ def law(tmp_path_factory):
 
 
 class Robot:
-    """Both interfaces of an arm of ours, which tells its state every 2 ms."""
+    """Both interfaces of a simulated arm, which sends its state every 2 ms."""
 
     def __init__(self, arm):
         self.arm, self.time, self.torques, self.ended, self.kicks = arm, 10.0, [], False, 0
@@ -93,7 +93,7 @@ def begun(law):
 
 
 @needs_a_compiler
-def test_the_program_moves_the_arm_to_the_end_also_with_repeated_states(law):
+def test_the_ur_program_finishes_its_motion_despite_repeated_robot_states(law):
     pilot, robot = begun(law)
     robot.repeats = {300, 700, 701}
     log = robot.log = MotionLog(law)

@@ -41,7 +41,7 @@ def frames(arm, q):
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_drawn_tip_is_the_robots_tip(name):
+def test_the_drawn_tip_is_at_the_position_of_forward_kinematics(name):
     scenario, arm = drawn(name)
     for seed in range(3):
         q = np.random.default_rng(seed).uniform(-1.0, 1.0, scenario.state0.q.size)
@@ -50,7 +50,7 @@ def test_the_drawn_tip_is_the_robots_tip(name):
         np.testing.assert_allclose(tip, scenario.plant.robot.tip(jnp.asarray(q)), atol=1e-6)
 
 
-def test_a_sliding_rod_is_longer_than_its_travel():
+def test_the_drawn_rod_of_a_prismatic_joint_is_longer_than_its_travel():
     scenario, arm = drawn("example-4.2-1khz")
     (slides,) = [k for k, link in enumerate(arm["kinematics"]) if link["type"] == "prismatic"]
     (rod,) = [s for s in arm["shapes"] if s["link"] == slides and s["kind"] == "capsule"]

@@ -88,7 +88,7 @@ def test_c_files_with_changed_values_equal_the_export_of_the_changed_scenario(na
     assert len(moved) > marks
     ours, theirs = filled(name, moved), exported(name, moved)
     assert_same_text(ours["slidax_law.c"], theirs["slidax_law.c"])
-    # The header's comments name no default that may have been moved.
+    # Comments of the header state no default, which may have changed.
     header = [line for line in ours["slidax_law.h"].split("\n") if "parameters_default says" in line]
     assert len(header) == len(offered(name)[2]["values"])
     assert len(ours["slidax_law.h"].split("\n")) == len(theirs["slidax_law.h"].split("\n"))

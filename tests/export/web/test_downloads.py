@@ -38,7 +38,7 @@ def moved(chromium, tmp_path_factory):
     # Without limits the drives deliver what the law commands.
     described = load("example-4.1-1khz", {"simulation.t1": 2.0, "actuator": {}}).description
     with pytest.MonkeyPatch.context() as patch:
-        # Its lights are no matter here, and take long.
+        # The certificates take long and are not needed here.
         patch.setattr(settings, "certificates_of", lambda scenario, paths: [])
         manifest = playground("test", settings_of(described, "arm"), {"arm": "Arm"})
     visit = Visit(chromium, write_playground(manifest, folder).as_uri())
@@ -52,7 +52,7 @@ def moved(chromium, tmp_path_factory):
     scenario = folder / "moved.yaml"
     scenario.write_bytes(Path(visit.saved("#scenario").path()).read_bytes())
     zipfile.ZipFile(visit.saved("#c").path()).extractall(folder)
-    # A number of one joint alone, where the law in C has one for all: it is left out, and said.
+    # The C law has one value for all joints: a value for a single joint is left out and reported.
     visit.page.click("[data-path='scheme.surface.k2'] .each summary")
     second = visit.page.locator("[data-path='scheme.surface.k2'] .joint .box").nth(1)
     second.fill("0.9")
@@ -72,7 +72,7 @@ def assert_close(result, shown, width):
     assert worst < CLOSE, worst
 
 
-def test_slidax_run_reproduces_the_downloaded_scenario(moved, tmp_path):
+def test_slidax_run_of_the_downloaded_scenario_reproduces_the_run_on_the_page(moved, tmp_path):
     shown, scenario, _ = moved
     done = in_process("run", str(scenario), "--json", "--out", str(tmp_path / "report"), code=0)
     assert json.loads(done.stdout)["outcome"] == "ok"
@@ -85,7 +85,7 @@ def test_slidax_run_reproduces_the_downloaded_scenario(moved, tmp_path):
         assert_close(np.stack(columns, axis=1), shown[name], 2)
 
 
-def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved):
+def test_the_downloaded_c_law_gives_the_torques_that_the_page_shows(moved):
     shown, scenario, folder = moved
     assert "NOT" not in (folder / "READ-ME.txt").read_text(encoding="utf-8")
     loaded, law = load(scenario), folder / "law"
@@ -96,7 +96,7 @@ def test_the_law_in_c_gives_the_torques_that_the_page_shows(moved):
     rows = np.searchsorted(np.asarray(samples.t), np.array(shown["t"]) - 1e-9)
     assert len(rows) > 900
     assert_close(result.command["tau"][rows], shown["tau"], 2)
-    # The numbers count: the file as it was given answers otherwise.
+    # The changed values matter: the unchanged law gives other torques.
     (folder / "given").mkdir()
     unchanged = Exported(alter(loaded, {path: as_given(path) for path in MOVED}), folder / "given").answers(samples)
     assert np.max(np.abs(unchanged.command["tau"][rows] - np.reshape(shown["tau"], (-1, 2)))) > 1e-3

@@ -54,7 +54,7 @@ def assert_metric(key, value, actual):
         np.testing.assert_allclose(np.asarray(actual[key], float), np.atleast_1d(value), rtol=1e-6, atol=1e-12)
 
 
-def test_with_fused_multiply_adds_the_page_has_the_bits_of_slidax(two_link, tmp_path):
+def test_the_page_is_bitwise_equal_to_slidax_with_fused_multiply_adds(two_link, tmp_path):
     if not rounds_once():
         pytest.skip("this node or processor has no multiply-add that is rounded once")
     assert_same(two_link, 0, tmp_path, close=0.0)
@@ -82,12 +82,12 @@ def test_a_run_that_leaves_its_envelope_ends_with_the_message_of_python(two_link
     assert result["outcome"]["kind"] in ("left_envelope", "not_finite")
 
 
-def test_a_run_that_ends_outside_reports_since_when_and_how_far(two_link, tmp_path):
+def test_a_run_that_ends_outside_its_envelope_reports_it_as_python_does(two_link, tmp_path):
     result = assert_same(two_link, 0, tmp_path, {"disturbance.scale": 40.0}, close=1e-6)
     assert "is outside at the end" in result["outcome"]["message"]
 
 
-def test_a_start_outside_is_refused_in_one_line(two_link, tmp_path):
+def test_a_start_outside_the_envelope_is_refused(two_link, tmp_path):
     setting = two_link["settings"][1]
     variant = variant_of(setting, {})
     inputs = inputs_of(setting, variant, {"scheme.transformation.performance.initial": 0.1})

@@ -1,6 +1,6 @@
 """The playground's page in a browser: every control, the keyboard alone, addresses, files, and what a run's end says.
 
-The programs here only play back a log, which the first slider scales: what is tested is the page.
+The programs here only replay a log that the first slider scales; these tests cover the page alone.
 """
 
 import io
@@ -46,7 +46,7 @@ def test_no_panel_covers_another_where_the_page_is_scrolled(visit, width):
                 assert min(across, down) <= 0, (y, name, other)
 
 
-def test_a_slider_moves_everything_and_resets(visit):
+def test_a_slider_updates_the_run_and_its_number_and_can_be_reset(visit):
     before = visit.page.evaluate("slidaxPage.result('A').signals.e[2000]")
     visit.page.locator(f"{SCALE} > .slider .bar").focus()
     visit.page.keyboard.press("PageUp")
@@ -61,7 +61,7 @@ def test_a_slider_moves_everything_and_resets(visit):
     assert visit.state()["values"] == {} and visit.page.is_disabled("#reset")
 
 
-def test_a_number_out_of_range_is_refused_in_one_line(visit):
+def test_a_slider_value_out_of_range_is_refused_with_the_allowed_range(visit):
     box = visit.page.locator(f"{SCALE} > .slider .box")
     box.fill("1000")
     box.press("Enter")
@@ -171,7 +171,7 @@ def test_the_address_contains_all_settings(chromium, site, visit):
         ("#v=1&%E0%A4%A=1", "is not valid text"),
     ],
 )
-def test_a_broken_link_prints_one_line_and_uses_the_default(chromium, site, visit, hash_, message):
+def test_an_invalid_address_shows_its_error_and_uses_the_default_scenario(chromium, site, visit, hash_, message):
     visit.page.evaluate("hash => { location.hash = hash; }", hash_)
     visit.page.wait_for_timeout(60)
     visit.settle()
@@ -179,7 +179,7 @@ def test_a_broken_link_prints_one_line_and_uses_the_default(chromium, site, visi
     assert visit.state()["arm"] == "two-link"
 
 
-def test_the_downloaded_scenario_is_the_same_run(visit):
+def test_the_downloaded_scenario_contains_the_changed_values(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
@@ -194,7 +194,7 @@ def test_the_downloaded_scenario_is_the_same_run(visit):
     np.testing.assert_array_equal(theirs.log.tau, ours.log.tau)
 
 
-def test_downloaded_c_has_the_current_values_and_names_missing_ones(visit):
+def test_downloaded_c_has_the_changed_values_and_names_values_it_lacks(visit):
     typed(visit, "[data-path='scheme.surface.k1']", "0.3")
     visit.page.select_option("#tunables .choice select", "1")
     visit.settle()
@@ -215,7 +215,7 @@ def test_a_chart_is_available_as_csv_and_as_a_table(visit):
     assert visit.page.locator("#errors tbody tr").count() == 21
 
 
-def test_a_playground_of_another_format_is_refused_in_one_line(chromium, tmp_path):
+def test_a_playground_of_another_format_is_refused_with_both_formats(chromium, tmp_path):
     file = tmp_path / "index.html"
     file.write_text(page_text({"format": 2, "title": "</script><b>x"}, loop=FAKE_LOOP), encoding="utf-8")
     context = chromium.new_context()

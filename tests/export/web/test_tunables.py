@@ -35,7 +35,7 @@ def refused(arm, some):
                     data, {tunable.path: np.full(() if tunable.each else tunable.shape, value).tolist()}
                 ).build("end")
             except (DefinitionError, DefinitionWarning) as error:
-                # A bound that is of no use is the visitor's to see; it runs.
+                # A scenario with a useless bound runs, and its warning is left to the visitor.
                 if isinstance(error, DefinitionWarning) and "scheme.bound" in str(error):
                     continue
                 result[tunable.path, value] = str(error)
@@ -45,7 +45,7 @@ def refused(arm, some):
 @pytest.mark.full
 @EVERY_ARM
 def test_both_ends_of_each_slider_are_valid_in_a_scenario(arm):
-    # The noise of a velocity sensor is no slider where there is none: no loop varies it.
+    # Without a velocity sensor its noise has no slider.
     some = [tunable for tunable in tunables(arm) if tunable.path != "sensor.velocity_noise"]
     assert refused(arm, some) == {}
 
@@ -109,7 +109,7 @@ def test_slider_range_follows_from_declared_range_and_default(changes, path, low
     assert (tunable.low, tunable.high, tunable.logarithmic) == (pytest.approx(low), pytest.approx(high), logarithmic)
 
 
-def test_a_tunable_has_the_position_of_its_numbers_among_the_inputs():
+def test_a_slider_has_the_positions_of_its_values_in_the_input_vector():
     tunable = next(item for item in tunables("panda") if item.each)
     entry = tunable.entry(5)
     assert entry["inputs"] == [5, 7] and entry["each"]

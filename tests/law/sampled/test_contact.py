@@ -1,4 +1,4 @@
-"""A law whose arm meets a stop: the horizon is its compliance, and the monitor shows that the estimator pushes on."""
+"""A law in contact with a stop: its horizon sets the stiffness, and the monitor warns of a growing estimate."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,7 @@ STIFF, DEPTH = 1e6, 5e-4
 
 
 def against_a_stop(horizon, **of_scheme):
-    """The law at the goal of its motion, which the stop keeps half a millirad away from joint 1."""
+    """The law at the goal of its motion; a stop holds joint 1 half a millirad before the goal."""
     stop = {"kind": "elastic_stop", "stiffness": [STIFF, 0.0], "position": [1.25 - DEPTH, 9.0], "damping": [300.0, 0.0]}
     changes = {
         "disturbance.terms": [stop],

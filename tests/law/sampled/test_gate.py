@@ -69,14 +69,14 @@ def test_a_velocity_that_contradicts_the_positions_is_rejected_for_as_long_as_it
     assert judged(samples, velocity=True) == [(False, False)] * 19
 
 
-def test_a_frozen_sensor_is_rejected_from_the_third_sample_on_while_the_law_predicts_a_motion():
+def test_a_frozen_sensor_is_rejected_from_the_third_sample_on_if_motion_is_predicted():
     samples = [(k * H, state([0, 0])) for k in range(1, 6)]
     assert judged(samples, moving=1e-3) == [(True, False)] * 2 + [(False, False)] * 3
     assert judged(samples, moving=0.0) == [(True, False)] * 5
 
 
 def test_a_joint_that_rests_while_the_drives_could_explain_the_prediction_is_not_frozen():
-    """A certified run had a true encoder that gave the same position four times, to the last bit."""
+    """In a certified run, a working encoder returned bitwise the same position four times."""
     gate = eqx.tree_at(lambda part: part.acceleration, GATE, jnp.asarray(100.0))
     samples = [(k * H, state([0, 0])) for k in range(1, 4)]
     assert judged(samples, gate, moving=0.9 * 100.0 * H**2) == [(True, False)] * 3
@@ -153,7 +153,7 @@ def test_a_patience_of_one_sample_is_refused():
 
 
 class Faulty(AbstractSensor):
-    """A sensor whose sample `at` shows the first joint `size` farther than it is."""
+    """A sensor that adds `size` to the first joint for `samples` samples from sample `at` on."""
 
     at: int = eqx.field(static=True)
     size: float = eqx.field(static=True)

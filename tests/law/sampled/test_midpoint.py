@@ -22,7 +22,7 @@ PERIOD = 2e-3
     ("delay", "dead_time", "adapts"), [(0.0, 0.0, False), (1.0, 0.0, True), (1.5, 0.5, False), (2.0, 1.0, False)]
 )
 def test_midpoint_law_equals_the_usual_law_for_constant_inertia(delay, dead_time, adapts):
-    """The accelerations that were planned, limits included, are those that the torques give."""
+    """The planned accelerations, limits included, equal those that the torques produce."""
     limits = TorqueLimits(3.0, 1000.0)
     sensor = Lossy(Delayed(Exact(), delay - dead_time), starts=[150, 300], counts=[6, 2])
     plant = Plant(FreeMass(), Constant([0.4]), sensor, Actuator(limits, dead_time=dead_time))
@@ -49,7 +49,7 @@ def test_midpoint_law_equals_the_usual_law_for_constant_inertia(delay, dead_time
 
 
 def test_the_midpoint_model_leaves_a_smaller_disturbance_estimate():
-    """On an arm that is as modelled, so that only sampling is left of the disturbance."""
+    """The arm equals its model, so that only sampling contributes to the disturbance."""
     changes = {
         "robot.plant": {},
         "robot.nominal.viscous": 0.2,

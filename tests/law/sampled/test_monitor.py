@@ -1,4 +1,4 @@
-"""The monitor is exact where the theory is, silent while the guarantee holds, and early where it fails."""
+"""The monitor agrees with the theory, is silent while the guarantee holds, and warns early where it fails."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,7 +34,7 @@ def watched(push, monitor, delay=0.0, gain=0.0):
 def test_margin_under_a_constant_disturbance_is_reduced_by_h_squared_w(push):
     """`x = H² w` of the loop-rate rule, against a share of the side that it points to; y settles at `H² w + ρ ψ(ε)`.
 
-    The side towards the initial error is five times as wide: there 60 m/s² leave as much room as 12 on the other.
+    The side towards the initial error is five times as wide: 60 m/s² there leave the margin of 12 m/s² on the other.
     """
     share = 0.5
     _, run = watched(push, Monitor(share=share))
@@ -66,13 +66,13 @@ def test_monitor_is_silent_while_the_guarantee_holds_and_changes_no_torque():
     ids=["an arm four times as heavy", "a disturbance 40 times as large", "drives that are too weak"],
 )
 def test_monitor_warns_before_the_envelope_is_left(wrong):
-    """Torque that the limits withhold is missed as well, though the model is right."""
+    """Torque that the limits withhold violates the assumptions even if the model is right."""
     run = run_of(MONITOR | wrong)
     assert not run.outcome.ok and 0.0 < analysis.warned_at(run) < run.outcome.t
 
 
 def test_monitor_warns_of_a_disturbance_too_fast_for_the_filter():
-    """The estimate shows hardly anything of the push until the mass is outside; the positions show it."""
+    """The estimate contains little of the disturbance before the mass is outside; the positions reveal it."""
     slow = Kalman.steady(density=1e-6, variance=1e-6, period=PERIOD)
     law = sampled_data(
         mass_law(final=FINAL), period=PERIOD, horizon=H, estimator=slow, monitor=Monitor(share=1.0, led=1.0)

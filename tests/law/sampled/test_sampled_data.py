@@ -30,7 +30,7 @@ from tests.rivals import anftsmc_4_2, computed_torque_4_1, super_twisting_4_2
 from tests.simulation.simple import FreeMass
 
 compiled = eqx.filter_jit(lambda law, *arguments: law(*arguments))
-"""A law, compiled once for all tests that call it by itself."""
+"""Calls a law; compiled once for all tests that call it directly."""
 
 BOUND = UncertaintyBound(0.9, 1.1, 12.0, 2.2, 2.8, 1.0)
 
@@ -43,7 +43,7 @@ def mass_law(k1=0.4, k2=0.8, final=2e-3):
 
 MEANS = ((1e-3, 1.0), (0.03, 4.0))
 KEPT = (((0.41, 0.0), 1.0, 1e-3), ((-0.41, 0.2), 3.0, 1e-2), ((0.3, -2.0), 1.0, 0.03))
-"""Every day: each period, horizon and start once at least."""
+"""Cases of the daily run: each period, horizon and start at least once."""
 
 
 def mass_run(period, horizon, e0=0.3, de0=0.0, push=0.0, gain=0.0, t1=1.5, **gains):
@@ -94,7 +94,7 @@ STARTS = ((0.41, 0.0), (-0.41, 0.2), (0.3, -2.0))
     ],
 )
 def test_undisturbed_error_stays_in_the_envelope_at_periods_up_to_30_ms(period, horizons, start):
-    """As long as the led envelope `ρ + c ρ̇` is one, and the led error starts inside it."""
+    """Requires a positive led envelope `ρ + c ρ̇`, and a led error that starts inside it."""
     law, run = mass_run(period, horizons * period, *start, k1=3.0, k2=5.0, final=0.02)
     lead = law.horizon - 0.5 * period
     led = jax.vmap(lambda t: law.step.transformation.frame(t, lead, law.horizon, run_sides(law, run)).now)(run.log.t)
@@ -187,7 +187,7 @@ def test_prediction_compensates_a_known_delay():
     for run in runs[1:]:
         assert run.outcome.ok and np.abs(run.log.e - runs[0].log.e).max() < 4e-3
         np.testing.assert_allclose(run.log.e[-1], 0.0, atol=1e-7)
-    # A sensor's delay hides nothing that the model does not know.
+    # The model predicts over a sensor delay without a loss of information.
     np.testing.assert_allclose(runs[1].log.e[50:], runs[0].log.e[50:], atol=2e-4)
 
 
@@ -197,7 +197,7 @@ def test_lost_samples_restart_the_plan_and_do_not_change_the_disturbance_estimat
     state = State(q=jnp.array([0.1]), dq=jnp.array([0.0]))
     memory = law.init(jnp.asarray(0.0), state, still)
     for k in range(3):
-        # Not the same to the last bit: that would be a frozen sensor.
+        # Bitwise equal positions would be a frozen sensor.
         state = State(q=jnp.array([0.1 + 1e-9 * k]), dq=jnp.array([0.0]))
         memory = compiled(law, jnp.asarray(1e-3 * k), state, still, still, memory).memory
     moved = State(q=jnp.array([0.1 + 1e-8]), dq=jnp.array([0.5]))
@@ -209,7 +209,7 @@ def test_lost_samples_restart_the_plan_and_do_not_change_the_disturbance_estimat
 
 @pytest.mark.full
 def test_the_torque_limit_holds_at_the_first_sample_even_if_the_initial_torque_exceeds_it():
-    """Its guards in exported code then have nothing left to limit."""
+    """The guards in exported code then have nothing to limit."""
     limits = TorqueLimits(5.0, 4000.0)
     law = sampled_data(law_4_1(), period=1e-3, limits=limits)
     guard = GuardedStep.around(law, limits, 1e-3)
@@ -240,7 +240,7 @@ def test_every_finite_measurement_has_a_finite_torque_within_the_limits(value):
 
 @pytest.mark.parametrize("name", ["example-4.1-1khz", pytest.param("example-4.2-1khz", marks=pytest.mark.full)])
 def test_all_200_starts_outside_the_envelope_are_back_inside_within_2_s(name):
-    """Within the torque and rate limits, with a period of delay, a fifth of model error and the disturbance."""
+    """Under torque and rate limits, a delay of one period, 20 % model error and the disturbance."""
     scenario = load(name)
     law, motion = scenario.controller, scenario.trajectory
     rng, n, cases = np.random.default_rng(0), law.joints, 200
@@ -306,7 +306,7 @@ def test_the_super_twisting_step_solves_its_implicit_inclusion():
 
 
 class Believed(AbstractEstimator):
-    """Says the measured state, and always the same disturbance."""
+    """Returns the measured state and a constant disturbance."""
 
     disturbance: jax.Array
 

@@ -33,7 +33,7 @@ ARMS = {"two_link": Arm(TWO_LINK, MOTION_4_1, (0.09, 0.2), 6.0), "scara": Arm(SC
 
 
 def draw(arm: Arm, period: float, cases: int, seed: int) -> dict[str, jnp.ndarray]:
-    """The numbers of so many cases, each with the case as its first axis."""
+    """Random parameters of the cases, each with the case as its first axis."""
     rng, n = np.random.default_rng(seed), arm.robot.joints
 
     def flat(low: float, high: float, *shape: int) -> jnp.ndarray:
@@ -46,7 +46,7 @@ def draw(arm: Arm, period: float, cases: int, seed: int) -> dict[str, jnp.ndarra
     return {
         "k1": log(0.1, 1.0), "k2": log(0.3, 1.5), "p": flat(0.3, 0.8), "q": flat(1.05, 1.6),
         "delta": log(0.005, 0.1), "k0": log(0.01, 10.0), "r": flat(1.05, 2.0),
-        # Half of them have the set-valued unit vector.
+        # Half of the cases have the set-valued unit vector.
         "layer": jnp.where(flat(0, 1) < 0.5, 0.0, log(1e-3, 1e-1)),
         "overshoot": flat(0.1, 0.8),
         "final": log(5e-4, 3e-2),
@@ -101,7 +101,7 @@ EVERY_KIND = [pytest.param(arm, period, marks=[] if period == DAILY else [pytest
 
 
 def judged(arm, period, x, finished):
-    """One case and its run, with all that is promised of it as numbers."""
+    """Checks of all guarantees for one case and its run, as numbers."""
     log, law, horizon = finished.log, controller(arm, period, x), x["horizon"]
     s, s_next, u = log.signals["s"], log.signals["s_next"], log.signals["u"]
     m0 = jax.vmap(law.nominal.mass)(log.state.q)
@@ -154,7 +154,7 @@ def judged(arm, period, x, finished):
 
 
 def reached(surface, phi):
-    """The ε at which φ is that large, by bisection: what the rule calls ε̄."""
+    """The ε̄ of the loop-rate rule, where φ(ε̄) equals `phi`, by bisection."""
 
     def halve(_, bracket):
         low, high = bracket
@@ -168,7 +168,7 @@ def reached(surface, phi):
 @functools.cache
 def results(name, period):
     numbers = draw(ARMS[name], period, CASES, seed=round(1e6 * period) + len(name))
-    # Simulated natively: that the other engine gives the same is tested elsewhere.
+    # Simulated natively; other tests check that both engines agree.
     finished = runs(ARMS[name], period, numbers)
     values = jax.jit(jax.vmap(lambda x, finished: judged(ARMS[name], period, x, finished)))(numbers, finished)
     return {key: np.asarray(value) for key, value in values.items()}
@@ -194,6 +194,6 @@ def test_envelope_holds_where_u_covers_the_disturbance_and_the_loop_rate_rule_is
 
 
 def test_some_cases_outside_the_guarantee_leave_the_envelope():
-    """Or the rule would say nothing."""
+    """Otherwise the conditions of the guarantee would be needlessly strict."""
     slow = results("scara", 4e-3)
     assert np.sum(slow["violations"][~slow["promised"]] > 0) > 5

@@ -44,7 +44,7 @@ LIMIT = st.floats(min_value=0.0, exclude_min=True, allow_nan=False)
 
 @given(LIMIT, LIMIT, NUMBERS, st.floats(-1e100, 1e100))
 def test_the_torque_limit_always_holds(torque, rate, wanted, last):
-    """Whatever came before; and if that was within the limit, the rate's limit holds as well."""
+    """For any previous torque; if that was within the limit, the rate limit holds as well."""
     limits = TorqueLimits(torque, rate)
     limited = limits(jnp.array([wanted]), jnp.array([last]), PERIOD)[0]
     assert abs(limited) <= torque
@@ -75,7 +75,7 @@ def test_the_rate_limit_counts_from_the_limited_and_not_the_requested_torque():
 
 
 def test_the_initial_torque_holds_until_the_first_command_acts():
-    """Through the dead time as it was, from there on as the lag lets go of it; the rate is counted from it, too."""
+    """Constant through the dead time, then decaying with the lag; the rate limit counts from it as well."""
     held = jnp.array([8.0, -3.0])
     actuator = Actuator(TorqueLimits(INF, 50.0), time_constant=[0.02, 0.0], dead_time=1.25)
     memory, felt = actuator.init(held), []
@@ -86,7 +86,7 @@ def test_the_initial_torque_holds_until_the_first_command_acts():
             np.testing.assert_allclose(tau, [7.5, -2.5], rtol=1e-14)
     np.testing.assert_array_equal(felt[0], [held, held])
     np.testing.assert_allclose(felt[1][0], held, rtol=1e-14)
-    # Half a period after the command of 7.5, -2.5 got through.
+    # Half a period after the command of 7.5, -2.5 began to act.
     np.testing.assert_allclose(felt[1][1], [7.5 + 0.5 * np.exp(-0.25), -2.5], rtol=1e-14)
 
 
@@ -136,7 +136,7 @@ def test_delivered_torque_agrees_with_a_fine_integration(dead_time):
 
 
 def test_the_lag_advances_by_the_length_of_the_last_period():
-    """Also where periods are of different length: the last one counts, as `set` is told."""
+    """Periods may differ in length: the last period passed to `set` counts."""
     actuator = Actuator(time_constant=0.02)
     _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(1e-2), actuator.init(jnp.zeros(1)))
     _, memory = actuator.set(jnp.array([1.0]), jnp.asarray(3e-2), memory)

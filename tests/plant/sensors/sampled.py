@@ -1,4 +1,4 @@
-"""A motion as a sensor sees it."""
+"""Measurements of a motion by a sensor."""
 
 import jax
 import jax.numpy as jnp

@@ -25,7 +25,7 @@ def test_encoder_rounds_to_the_nearest_count_unless_the_resolution_is_negligible
 
 
 def test_rounding_has_a_derivative_of_1_by_the_position_and_0_by_the_resolution():
-    """By the position it is 1 on and between the counts, by the resolution 0; whatever the joints share of it."""
+    """On and between the counts, for a common resolution and for one per joint."""
     q, off = jnp.array([0.37, -0.25, 0.1, 1e300]), jnp.array([1.0, -2.0, 3.0, 4.0])
     for resolution in (jnp.asarray(0.1), jnp.array([0.1, 0.25, 0.0, 1e-3])):
         value, change = jax.jvp(round_to_resolution, (q, resolution), (off, jnp.ones_like(resolution)))
@@ -76,7 +76,7 @@ def test_the_velocity_of_a_drive_is_the_filtered_difference_of_its_counts():
 
 
 def test_a_drive_lags_behind_an_acceleration_by_its_filter():
-    """After a long time by `a (h/2 + h (1 - share)/share)`, which is about `a/c`."""
+    """The final lag is `a (h/2 + h (1 - share)/share)`, which is about `a/c`."""
     period, cutoff = 1e-3, 100.0
     measured = sampled(
         DifferencedEncoders(0.0, 0.0, cutoff),

@@ -26,7 +26,7 @@ def one_outage(sensor, **numbers):
 
 
 def cubic(t):
-    """A polynomial of third order, which the interpolation keeps."""
+    """A cubic polynomial, which the interpolation reproduces."""
     return State(q=jnp.stack([t * t * t - t, 2.0 - t * t]), dq=jnp.stack([3.0 * t * t - 1.0, -2.0 * t]))
 
 
@@ -79,7 +79,7 @@ def test_jittered_delays_fill_their_range_and_are_never_negative():
 
 
 def test_the_seed_determines_the_ages_of_jittered_samples():
-    """The age is read off a clock with the same seed."""
+    """A clock measured with the same seed shows the age."""
 
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]
     measured = sampled(Delayed(Exact(), 2.2, 3.0, seed=5), cubic, samples=100).state

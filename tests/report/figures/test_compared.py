@@ -14,7 +14,7 @@ from slidax.report.figures.style import thin_curve
 from slidax.scenarios.schemes import PRESETS
 
 LIMIT = 150_000
-"""No picture of the usual few schemes may have more bytes than this."""
+"""Largest size of a figure with a few schemes [bytes]."""
 
 DRAWN = [figures.compared_errors, figures.compared_velocity_errors, figures.compared_torques]
 
@@ -59,7 +59,7 @@ def test_chattering_torque_is_drawn_as_a_band_and_smooth_torque_as_a_line(runs):
 
 
 def test_chatter_detection_ignores_a_small_ripple_and_bounds_chattering_by_a_band():
-    """As a sampled-data law's: from 32 to -18 N m in 30 ms, with .1 N m to and fro from sample to sample."""
+    """Like a sampled-data law: from 32 to -18 N m in 30 ms, with 0.1 N m of alternating sign at each sample."""
     t = np.arange(4000) * 5e-4
     motion = 32.0 - 50.0 / (1.0 + np.exp(-(t - 0.5) / 5e-3)) + 18.0 * np.clip(t - 0.55, 0.0, 1.0)
     to_and_fro = np.where(np.arange(len(t)) % 2, 1.0, -1.0)
@@ -100,7 +100,9 @@ def test_a_chattering_band_reaches_from_the_lowest_to_the_highest_torque(runs):
     log = runs["ftsmc"].log
     k = np.arange(len(log.t))[:, None]
     switching = eqx.tree_at(lambda r: r.log.tau, runs["ftsmc"], np.where(k % 2, 30.0, -20.0) * np.ones((1, 2)))
-    for band in bands(figures.compared_torques({"switching": switching})):
+    drawn = list(bands(figures.compared_torques({"switching": switching})))
+    assert drawn
+    for band in drawn:
         heights = band.get_paths()[0].vertices[:, 1]
         assert (heights.min(), heights.max()) == (-20.0, 30.0)
 

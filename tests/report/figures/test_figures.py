@@ -19,7 +19,7 @@ from slidax.report.figures.compared import LOOKS
 from slidax.report.figures.style import BOUND, DARK, LIMIT, LINES, NARROW, dark_rules, every_nth, thin_curve
 
 BYTES = 150_000
-"""No picture may have more bytes than this."""
+"""Largest size of a figure [bytes]."""
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def test_an_svg_is_small_reproducible_and_has_no_date_or_typeface(run, tmp_path)
 
 
 def test_a_shortened_svg_path_keeps_the_peak(run):
-    """The peak of the torque is found again in the SVG: among its points is the highest of the panel."""
+    """The points of the SVG include the highest torque of the panel."""
     figure = figures.torque(run)
     text = figures.to_svg(figure, "torque")
     axes = figure.axes[0]
@@ -196,7 +196,7 @@ def test_a_line_contrasts_with_light_and_dark_pages(look):
 
 
 def test_dark_colour_rules_also_match_marks_in_shadow_trees():
-    """Browsers draw a mark in a shadow tree, in which a rule with an ancestor in its selector finds nothing."""
+    """Browsers draw a mark in a shadow tree, in which a rule with an ancestor in its selector matches nothing."""
     rules = re.findall(r"([^{}]+)\{[^{}]*!important\}", dark_rules("figure svg"))
     assert len(rules) == 2 * len(DARK)
     assert all(re.fullmatch(r'\[style\*="(fill|stroke):#[0-9a-f]{6}"\]', rule) for rule in (*rules[1:], rules[0][-24:]))

@@ -1,4 +1,4 @@
-"""Figures of studies can be read: ticks apart, bars wide enough, counts on a plain axis for few runs."""
+"""Study figures are legible: separate tick labels, wide bars, and a linear count axis for few runs."""
 
 import re
 from itertools import pairwise

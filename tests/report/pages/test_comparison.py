@@ -116,7 +116,7 @@ def test_runs_of_different_arms_are_not_compared(rivals, tmp_path):
 
 
 def test_a_scheme_without_an_envelope_is_counted_against_the_comparisons_envelope(rivals):
-    """Twice: against the log of every sample, and for the scheme that promises the envelope against its own tally."""
+    """Checked against a log of every sample, and against the tally of the scheme with the envelope."""
     kept = scenarios.load("example-4.1", {"scheme.name": "gravity_pd", "simulation.t1": 1.0})
     narrow = scenarios.load("example-4.1", {"scheme.overshoot": 0.001, "simulation.t1": 1.0})
     free = Rival.simulated(kept, narrow, logged=False)

@@ -95,7 +95,7 @@ def test_a_run_without_a_log_has_a_report_without_figures(tmp_path):
     [
         ("example-4.2", {"disturbance.scale": 0.25}),
         ("example-4.1-1khz", {"actuator.rate": None, "scheme.sampled_data.estimator.kind": "kalman"}),
-        # Here null is something else than what comes if nothing is said.
+        # Here null differs from the default.
         ("example-4.1-1khz", {"scheme.sampled_data.recovery": None}),
         ("example-4.2-1khz", {"sensor.loss.outages": [{"start": 1.0, "samples": 5}], "scheme.sampled_data": None}),
     ],

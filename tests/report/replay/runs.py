@@ -1,4 +1,4 @@
-"""Short runs of the arms that are looked at."""
+"""Short runs of the arms in replay tests."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +21,7 @@ def scara():
 
 
 def crane(*, height=0.3):
-    """A leaning boom with a slide along it; its joint is at `height` [m] above the ground."""
+    """A tilted boom with a prismatic joint along it; the boom's joint is at `height` [m] above the ground."""
     body = {"mass": 1.0, "inertia": 0.1 * np.eye(3)}
     lean = np.array([[np.cos(0.4), 0, np.sin(0.4)], [0, 1, 0], [-np.sin(0.4), 0, np.cos(0.4)]])
     turn = {"name": "turn", "kind": "revolute", "parent": None, "link": "boom", "torque": 20.0, **body}

@@ -107,7 +107,7 @@ def assert_seen(camera, target, points):
 
 
 @pytest.mark.parametrize("load", [two_link, scara])
-def test_the_camera_sees_the_whole_path_and_both_arms_when_they_are_side_by_side(load):
+def test_the_camera_sees_the_whole_path_and_both_arms_side_by_side(load):
     scenario = load()
     picture = draw(scenario.simulate(progress=False), scenario.plant, rate=60.0, most=1000)
     stage = picture.stage

@@ -139,5 +139,5 @@ def test_find_urdf_locates_meshes_of_a_built_in_robot_by_its_joint_names():
     result = find_urdf(skeleton)
     assert result is not None and result.name == "xarm7.urdf"
     assert sorted({solid.body for solid in mesh_solids(skeleton, result, tools=False)}) == list(range(8))
-    # Joints of these names are there, on an arm with other lengths.
+    # An arm with these joint names exists, but with other lengths.
     assert find_urdf(skeleton_of(arms.ur5e())) is None

@@ -13,7 +13,7 @@ from slidax.core.errors import DefinitionError
 from slidax.report import replay
 
 LOADS = re.compile(r"""(?:\b(?:src|href|action|data)\s*=\s*|url\(|@import\s+|\bfetch\()["'(]?\s*(?:https?:)?//""")
-"""Would load something from a network."""
+"""Matches text that loads from a network."""
 
 
 @pytest.fixture(scope="module")

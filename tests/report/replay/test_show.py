@@ -47,7 +47,7 @@ def test_a_replay_prints_nothing(swing, capsys):
 def test_seek_moves_both_arms_to_their_poses(view):
     drawn = view._drawing
     view.seek(0.25)
-    # The clock's thread shows it, and sets the slider last.
+    # The clock's thread draws the poses first, then sets the slider.
     patience = time.monotonic() + 30.0
     while abs(view._slider.value - 0.25) > 1e-3 and time.monotonic() < patience:
         time.sleep(0.01)
@@ -95,7 +95,7 @@ def test_replay_charts_show_the_error_in_its_envelope_and_the_current_time(view)
     for curve, logged in ((e, log.e), (lower, log.envelope.lower), (upper, log.envelope.upper)):
         np.testing.assert_allclose(curve, np.interp(t, log.t, logged[:, 1]), atol=0.02 * np.ptp(logged[:, 1]))
     assert (error.title, torque.title) == ("error [rad]", "torque [N m]")
-    # This arm has no limits of its torque.
+    # This arm has no torque limits.
     assert len(torque.data) == 3 and torque.bands is None
 
 

@@ -57,7 +57,7 @@ def test_up_direction_is_against_gravity():
 
 
 class Stranger(eqx.Module):
-    """A robot of somebody else."""
+    """A robot class outside slidax."""
 
 
 def test_a_registered_robot_class_can_be_drawn():

@@ -133,7 +133,7 @@ def test_the_table_is_perpendicular_to_gravity_at_its_height(height, gravity, ou
     based = (picture.table.vertices - stage.base) @ stage.rotation
     above = based @ -np.array(gravity) / np.linalg.norm(gravity)
     assert above.max() == pytest.approx(height, abs=1e-12)
-    # The upper face is all of the slab, seen from above, and lies below the whole path of the tip.
+    # From above, the upper face covers the whole slab and the whole path of the tip.
     corners = picture.table.vertices[above > height - 1e-9, :2]
     np.testing.assert_array_equal(np.ptp(corners, axis=0), np.ptp(picture.table.vertices[:, :2], axis=0))
     assert above.min() > height - 0.05
@@ -170,7 +170,7 @@ def test_a_payload_that_falls_far_does_not_enlarge_the_scene(mujocos):
 def test_a_replay_shows_the_payload_at_its_pose_and_hides_it(mujocos, ours):
     for plant, run in (mujocos, ours):
         with replay.show(run, plant, open_browser=False, plain=True) as view:
-            # Its clock would show its own first picture at any time.
+            # The clock of the view would show its first picture at any time.
             view._player.stop()
             load, node = load_of(view._drawing), view._scene.payload
             assert node is not None
