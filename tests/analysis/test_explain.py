@@ -1,4 +1,4 @@
-"""The named cause of a failure is the seeded one, and the log estimates agree with the arm."""
+"""`explain` names the cause of a seeded fault, and estimates from the log agree with the arm."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -86,7 +86,7 @@ def test_cause_of_a_seeded_fault_is_named_and_its_remedy_holds(which):
     assert (first.finding.name, first.tried, first.holds) == (SEEDED[which][2], True, True), first.sentence()
 
 
-def test_the_inertia_of_a_joint_is_estimated_from_the_log_within_a_few_percent():
+def test_joint_inertia_is_estimated_from_the_log_within_10_percent():
     scenario = seeded("too light a model")
     record = RunRecord.of(scenario, scenario.simulate(log_every=1))
     true = scenario.plant.robot.mass(scenario.state0.q)[6, 6]
@@ -174,7 +174,7 @@ def test_explain_requires_a_log_of_every_sample_and_a_sampled_data_law():
 
 
 @pytest.mark.parametrize("name", marked(names(), ["example-4.1-1khz", "panda-payload"]))
-def test_built_in_scenario_raises_no_warning_before_its_run(name):
+def test_forecast_raises_no_warning_for_a_built_in_scenario(name):
     assert forecast(load(name)) == []
 
 
@@ -190,7 +190,7 @@ def test_built_in_scenario_raises_no_warning_before_its_run(name):
         ("slow estimator", "too slow"),
     ],
 )
-def test_likely_failure_is_reported_before_the_run(which, words):
+def test_forecast_reports_a_likely_failure_before_the_run(which, words):
     assert any(words in sentence for sentence in forecast(seeded(which)))
 
 

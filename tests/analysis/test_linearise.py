@@ -1,4 +1,4 @@
-"""The linear loop is the simulated loop near a point: by differences, by theory, by its gain margins."""
+"""The linearised loop against finite differences of the simulation, theory and gain margins."""
 
 import dataclasses
 from typing import Any
@@ -255,7 +255,7 @@ def test_signals_of_the_linear_system_are_selected_by_name_and_joint(linearised)
     assert part.outputs == ("error[joint 1]", "error[joint 2]", "torque[joint 1]")
     with pytest.raises(DefinitionError, match="did you mean `torque`"):
         linearised.system.select("torq", "error")
-    with pytest.raises(DefinitionError, match='broken at the "torque"'):
+    with pytest.raises(DefinitionError, match='opened at `where="torque"'):
         linearised.closed_loop("joint")
 
 

@@ -105,7 +105,7 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
         for metric in (*analysis.metrics_of(run), *INDEX_SUMS):
             group, _, name = metric.key.partition(".")
             ours, theirs = (part[group][name] if name else part[group] for part in (summary, alone))
-            # A missing value is None for a single run, and None for each joint of a batch.
+            # A missing value is None for a single run and a None per joint for a batch.
             expected = [None, None] if theirs is None else theirs
             known = engine == "native" or expected is None or None in np.atleast_1d(expected)
             assert ours[i] == (expected if known else pytest.approx(expected, rel=1e-6)), metric.key

@@ -186,7 +186,7 @@ def test_import_changes_only_the_64_bit_setting_and_loads_no_heavy_package(rooms
         ("import os\nos.environ['JAX_ENABLE_X64'] = '0'\nimport slidax, jax", 32),
     ],
 )
-def test_import_enables_64_bits_unless_arrays_exist_or_the_environment_forbids_it(first, bits):
+def test_import_enables_64_bits_unless_arrays_exist_or_it_is_disabled(first, bits):
     assert in_a_fresh_interpreter(f"{first}\nprint(jax.numpy.ones(1).dtype)").strip() == f"float{bits}"
 
 

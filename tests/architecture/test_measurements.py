@@ -1,4 +1,4 @@
-"""Benchmarks and scripts, most of which no test runs, import only what exists."""
+"""Benchmarks and scripts import only existing names; tests run few of them."""
 
 import ast
 import importlib

@@ -49,7 +49,7 @@ LIFT = '<geom name="lift" type="mesh" mesh="hull"/>'
 
 
 def case(title: str, *changes: str, named: str, **arguments: Any) -> BadFile:
-    """The good arm with pieces replaced."""
+    """The valid arm with parts of its text replaced."""
     return BadFile(title, changed(GOOD, *changes), tuple(named.split()), arguments)
 
 

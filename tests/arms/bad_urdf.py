@@ -79,7 +79,7 @@ def joint(kind: str, name: str, parent: str, child: str, inner: str = "") -> str
 
 
 def limit(**values: str | None) -> str:
-    """The elbow's limits with some changed, or left out."""
+    """The elbow's limits with some values changed or left out."""
     limits = {"lower": "-1", "upper": "1.5", "effort": "20", "velocity": "4"} | values
     return "<limit " + " ".join(f'{key}="{value}"' for key, value in limits.items() if value is not None) + "/>"
 
@@ -90,7 +90,7 @@ def inertia(ixx: str, iyy: str, izz: str, ixy: str = "0") -> str:
 
 
 def case(title: str, *changes: str, named: str, **arguments: Any) -> BadFile:
-    """The good arm with pieces replaced."""
+    """The valid arm with parts of its text replaced."""
     return BadFile(title, changed(GOOD, *changes), tuple(named.split()), arguments)
 
 
@@ -207,7 +207,7 @@ JOINTS = [
 
 
 def mesh(path: str) -> BadFile:
-    """The good arm with a mesh on the forearm."""
+    """The valid arm with a mesh on the forearm."""
     visual = f'<visual><geometry><mesh filename="{path}"/></geometry></visual>'
     return BadFile(
         f"a mesh that is not there, {path.split('.')[-1]}",

@@ -67,7 +67,7 @@ def test_coupled_dynamics_are_projections_of_the_uncoupled_dynamics(pair):
 
 def test_leader_limits_are_narrowed_by_the_limits_of_its_followers(pair):
     arm, _ = pair
-    # The elbow's -1 to 1.5 rad is -2.6 to 2.4 rad at the shoulder, its 4 rad/s are 8.
+    # The elbow's -1 to 1.5 rad are -2.6 to 2.4 rad at the shoulder; its 4 rad/s are 8 rad/s.
     assert (float(arm.limits.lower[0]), float(arm.limits.upper[0])) == (-2.0, pytest.approx(2.4))
     assert float(arm.limits.velocity[0]) == 3.0
     assert float(arm.limits.torque[0]) == 50.0

@@ -18,7 +18,7 @@ FLAT = np.diag([0.01, 0.02, 0.1])
 
 
 def urdf_with(moments: str) -> str:
-    """The good arm with these moments in its forearm."""
+    """The valid arm with these moments of inertia in its forearm."""
     return changed(GOOD, INERTIA, inertia(*moments.split()))
 
 
@@ -84,8 +84,8 @@ def test_impossible_inertia_is_an_error_unless_nearest_is_set(read, text_with, o
     with pytest.warns(DefinitionWarning) as caught:
         arm = read(text, inertias="nearest")
     assert [str(warning.message) for warning in caught] == [
-        "arm: inertias are changed to the nearest that a rigid body can have, by a share of the largest principal "
-        f"moment: {owner} (35 %)"
+        "arm: inertias that no rigid body can have are changed to the nearest possible; they differ by a share of "
+        f"the largest principal moment: {owner} (35 %)"
     ]
     np.testing.assert_allclose(np.linalg.eigvalsh(arm.inertias[1]), [0.045, 0.055, 0.1], rtol=1e-12)
     good = read(GOOD if read is from_urdf else bad_mjcf.GOOD)
@@ -100,7 +100,7 @@ def test_unknown_inertias_option_is_refused_with_the_allowed_values():
         RigidInertias("neerest")
 
 
-def test_fixed_link_gets_the_nearest_inertia_too():
+def test_link_behind_a_fixed_joint_gets_the_nearest_inertia():
     text = changed(GOOD, TOOL, FLAT_TOOL)
     with pytest.warns(DefinitionWarning, match=r"link `tool` \(17 %\)"):
         arm = from_urdf(text, inertias="nearest")

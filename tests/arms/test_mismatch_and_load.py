@@ -240,7 +240,7 @@ def test_run_with_a_timed_payload_equals_three_joined_runs():
     assert np.abs(np.asarray(without.q) - np.asarray(whole.state.q)).max() > 1e-3
 
 
-def test_plant_of_a_nominal_arm_has_the_mismatch():
+def test_plant_of_nominal_applies_mismatch_payload_and_disturbance():
     load = TimedPayload(PAYLOAD, 0.5)
     mismatch, push = Mismatch(mass_factor=0.9, armature=0.2, load=load), Constant([0.0, 0.0, 1.0])
     plant = Plant.of_nominal(arm(), mismatch, push)

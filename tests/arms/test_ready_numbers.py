@@ -41,7 +41,7 @@ def axes_of(turn):
 
 
 def frames(description, q):
-    """Rotation and place of every link's frame in the base frame, and the tip's last."""
+    """Rotation and place of every link's frame in the base frame; the tip's frame is last."""
     rotation, place = np.eye(3), np.zeros(3)
     links = []
     for joint, angle in zip(description["joints"], q, strict=True):
@@ -66,7 +66,7 @@ def gravity_torques(description, q):
 
 
 def limits(description):
-    """Lower and upper positions; a joint without end gets one turn each way."""
+    """Lower and upper positions; a continuous joint gets a full turn in each direction."""
     return np.array([joint.get("position", [-2 * np.pi, 2 * np.pi]) for joint in description["joints"]]).T
 
 
@@ -155,7 +155,7 @@ SAME_ARM = [
 
 
 def other_file(path):
-    """A URDF of example-robot-data as text, its quarter turns written out."""
+    """Text of a URDF of example-robot-data, with its rounded quarter turns replaced by exact angles."""
     try:
         package = metadata.distribution("example-robot-data")
     except metadata.PackageNotFoundError:

@@ -50,11 +50,11 @@ def test_arm_has_the_parameters_of_the_urdf():
         for field, values in numbers.items():
             np.testing.assert_array_equal(getattr(owner, field), values, err_msg=field)
     np.testing.assert_allclose(arm.gravity_vector, [0.0, 0.0, -9.81])
-    # The inertia of the upper arm is about axes that are turned by .3 rad about x.
+    # The axes of the upper arm's inertia are turned by 0.3 rad about x.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.3), -np.sin(0.3)], [0.0, np.sin(0.3), np.cos(0.3)]])
     inertia = np.array([[0.02, 0.001, 0.0], [0.001, 0.03, 0.0], [0.0, 0.0, 0.04]])
     np.testing.assert_allclose(arm.inertias[0], turn @ inertia @ turn.T, rtol=1e-13, atol=1e-16)
-    # The shoulder's own rotation of (0.1, 0.2, 0.3) about fixed axes, of a point 0.6 m along x.
+    # The shoulder's origin is turned by (0.1, 0.2, 0.3) rad about fixed axes; the tip is 0.6 m along its x axis.
     cosine, sine = np.cos([0.1, 0.2, 0.3]), np.sin([0.1, 0.2, 0.3])
     along_x = [cosine[1] * cosine[2], cosine[1] * sine[2], -sine[1]]
     np.testing.assert_allclose(arm.tip(jnp.zeros(2)), 0.6 * np.array(along_x) + [0.0, 0.0, 0.3], rtol=1e-14)

@@ -1,4 +1,4 @@
-"""The command as a user types it, in a process of its own or in this one."""
+"""The command line as a user types it, in its own process or in this process."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ scenario: example-4.1-1khz
 changes: {simulation.t1: 0.05}
 uncertainty: {disturbance.scale: {between: [0, 1]}}
 """
-"""A short study, but for the number of its runs."""
+"""A short study without its number of runs."""
 
 
 def in_process(*arguments, code=None):
@@ -35,7 +35,7 @@ def own_process(*arguments):
 
 
 def assert_one_line(words, *arguments):
-    """Check that a command ends with exit code 2 and one line that has all words; return the line."""
+    """Check that a command ends with exit code 2 and a single line with all words; return the line."""
     result = in_process(*arguments, code=2)
     line = result.stderr.strip()
     assert result.stdout == "", result.output

@@ -250,7 +250,7 @@ def test_file_in_place_of_a_folder_is_refused_in_one_line(arguments, tmp_path):
 
 def test_crash_of_a_foreign_library_is_reported_in_one_line(monkeypatch, tmp_path):
     class PanicException(BaseException):
-        """As PyO3 raises it."""
+        """An exception like that of PyO3."""
 
     def panic(*_):
         raise PanicException("called `Result::unwrap()` on an `Err` value\nnote: run with RUST_BACKTRACE=1")

@@ -34,7 +34,7 @@ def test_compare_table_has_a_column_per_scheme_and_a_row_per_metric_and_joint():
     assert next(line for line in lines if line.startswith("form")).split() == ["form", "printed", "printed"]
     assert next(line for line in lines if "outside" in line).split()[-2:] == ["0", "0"]
     assert "103.7" in result.stdout and "88.21" in result.stdout
-    # The torque of a law without a smooth step travels more than 10 000 N m.
+    # The torque travel of a chattering law exceeds 10 000 N m.
     travel = lines[lines.index("torque travel [N m]") + 1].split()
     assert float(travel[-1]) > 1e4 and "e+" not in result.stdout
 
@@ -47,20 +47,20 @@ def test_compare_without_schemes_option_compares_all_built_in_schemes(each, monk
         monkeypatch.setattr(Rival, "simulated", lambda scenario, judge, *, logged: replace(first, scenario=scenario))
     result = in_process("compare", "example-4.1", "--set", "simulation.t1=0.01", "--json", code=0)
     listed = json.loads(in_process("list", "schemes", "--json").stdout)["schemes"]
-    # The one without parts of its own has to be told them.
+    # `sliding_mode` has no default parts, so it cannot be compared by its name.
     assert list(json.loads(result.stdout)["schemes"]) == [name for name in listed if name != "sliding_mode"]
 
 
 def test_exit_code_is_3_if_no_run_reaches_its_end():
     bad = ("compare", "example-4.1", *SHORT, *HASTY, "--schemes")
     result = in_process(*bad, "cftsmppc,ftsmppc", code=3)
-    assert "none of the runs reached its end" in result.stderr
+    assert "none of the runs reached its end inside its envelope" in result.stderr
     assert "cftsmppc: " in result.stdout
 
 
 @pytest.mark.full
 def test_exit_code_is_0_if_one_run_reaches_its_end(tmp_path):
-    """An envelope that narrows too soon belongs to the one scheme; the other has none."""
+    """One scheme has an envelope that narrows too soon; the other has no envelope."""
     file, out = tmp_path / "hasty.yaml", tmp_path / "out"
     hasty = scenarios.load("example-4.1", {"scheme.performance.deadline": 0.05, "simulation.t1": 0.5})
     file.write_text(as_yaml(hasty.description), encoding="utf-8")
@@ -79,9 +79,9 @@ def test_at_1_khz_all_schemes_are_compared_in_sampled_data_form():
     errors = {name: max(each["metrics"]["steady_error"]) for name, each in schemes.items()}
     forms = {name: each["form"] for name, each in schemes.items()}
     assert set(forms.values()) == {"sampled-data"}
-    # The schemes without an envelope are judged by the scenario's own, and the estimator keeps them inside.
+    # Schemes without an envelope are compared with the scenario's envelope; the estimator keeps them inside.
     assert {each["samples_outside"] for each in schemes.values()} == {0} and max(errors.values()) < 3e-6
-    # As its textbook has it, computed torque has neither estimate nor prediction.
+    # Textbook computed torque has neither an estimator nor a prediction.
     changes = ("--schemes", "computed_torque", "--set", "scheme.sampled_data=null")
     (printed,) = json.loads(in_process("compare", "example-4.1-1khz", *changes, "--json").stdout)["schemes"].values()
     assert printed["form"] == "printed" and printed["samples_outside"] > 1000

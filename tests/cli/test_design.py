@@ -38,7 +38,7 @@ def requirements(tmp_path):
 
 @pytest.mark.full
 def test_a_designed_scenario_runs_and_holds_in_unseen_cases(requirements, tmp_path, monkeypatch):
-    # Fewer of everything; the certificates have tests of their own.
+    # Fewer candidates and certificates; the certificates have their own tests.
     monkeypatch.setattr(search, "SLOPES", (1.0, 2.0))
     monkeypatch.setattr(importlib.import_module("slidax.certify.certify"), "CERTIFICATES", (admissibility,))
     out = tmp_path / "law.yaml"

@@ -17,8 +17,8 @@ TEXT = STUDY + "runs: 128"
 
 @contextmanager
 def no_file_above(size):
-    # JAX would leave halves of files in the cache of the tests. It looks for a cache
-    # only once, but checks for each program if its compilation was long enough to be kept.
+    # JAX would leave partial files in the cache of the tests. JAX looks for a cache
+    # only once, but checks for each program whether its compilation was long enough to store.
     shortest = jax.config.jax_persistent_cache_min_compile_time_secs
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 1e9)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -34,7 +34,7 @@ def refused(size, *words):
     with no_file_above(size):
         done = in_process(*words)
     assert done.exit_code == 2, done.output
-    # A study that goes on says first which rows are missing.
+    # A resumed study first reports the missing rows.
     lines = [line for line in done.stderr.splitlines() if "rows are missing" not in line]
     assert len(lines) == 1 and lines[0].startswith("slidax: cannot write "), done.stderr
     assert "File too large" in lines[0] and "ree some space" in lines[0]
@@ -68,7 +68,7 @@ def test_a_study_on_a_full_disk_reports_saved_rows_and_resumes(tmp_path, monkeyp
     monkeypatch.setattr("sys.argv", ["slidax", *words])
     line = refused(5_000, *words)
     assert "000000000000-64.parquet`" in line and f"0 rows are saved in `{out}`" in line
-    # All parts fit, and what is made of them does not.
+    # All parts fit on the disk, but the files made from them do not.
     parts = 30_000
     line = refused(parts, *words, "--resume")
     assert (

@@ -119,7 +119,7 @@ def test_ctrl_c_prints_one_line_and_exits_with_130(monkeypatch, tmp_path):
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_messages_wrap_between_words_with_a_hanging_indent_and_unbroken_commands(width):
     command = "`--set 'scheme.sampled_data.adaptation={kind: joint_learning}'`"
-    text = f"1. joint 4: its torque is at its limit in 61 % of the samples. Remedy: {command} (tried, the run holds)."
+    text = f"1. joint 4: its torque is at its limit in 61 % of the samples. Remedy: {command} (tried successfully)."
     lines = wrapped(text, width, margin="  ", hang=3).split("\n")
     assert " ".join(line.strip() for line in lines) == text and len(lines) > 1
     assert lines[0].startswith("  1. ") and all(line.startswith("     ") for line in lines[1:])

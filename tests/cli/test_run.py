@@ -81,7 +81,7 @@ def test_a_run_that_left_its_envelope_and_returned_exits_with_3_and_reports_both
     assert answer["outcome"] == "recovered"
     assert list(stopped) == ["message", "t", "joint", "error", "bound", "back", "beyond"]
     assert stopped["t"] == 0.0 and 0.1 < stopped["back"] < 1.5
-    # e(0) is (-1, .9), the bounds are -.8 and .6 there; the second is farther out.
+    # e(0) is (-1, 0.9) and the bounds are -0.8 and 0.6: joint 2 is farther outside.
     assert (stopped["joint"], stopped["bound"]) == (2, 0.6) and stopped["error"] == pytest.approx(0.9)
     assert stopped["beyond"] >= 0.3 - 1e-9
     assert answer["metrics"]["envelope_violations"] == round(stopped["back"] / 1e-3)
@@ -121,7 +121,7 @@ def test_long_option_also_prints_the_papers_index_sums():
 def test_another_scheme_by_name_keeps_the_sampled_data_form_of_the_file():
     answer = answered("example-4.1-1khz", "--set", "scheme.name=ftsmc", "--set", "simulation.t1=2")
     assert (answer["scheme"], answer["outcome"], answer["stopped"]) == ("ftsmc", "ok", None)
-    # As printed it would ask for 88 N m in the first sample; the drive gives 4 N m more than the arm's own weight.
+    # The printed form would command 88 N m at the first sample; the drive adds 4 N m to the gravity torque.
     assert answer["metrics"]["initial_torque"] == pytest.approx([12.1158 + 4, 5.93699 + 4], abs=1e-3)
     assert max(answer["metrics"]["max_torque_step"]) <= 4.0 + 1e-9
 
@@ -162,7 +162,7 @@ def test_seven_joints_fit_on_a_terminal_under_their_own_names(monkeypatch, colum
     assert [len(head) for head in heads] == tables
     assert [name for head in heads for name in head] == [f"joint{i + 1}" for i in range(7)]
     assert all(len(line) <= columns for line in lines)
-    # The sums of the paper are for its own examples.
+    # The paper's sums are shown for its examples only.
     assert "(80)" not in in_process("run", "panda-payload", "--set", "simulation.t1=0.05", "--long").stdout
     assert "IAE (80) [rad]" in in_process("run", "example-4.1", "--set", "simulation.t1=0.01", "--long").stdout
 

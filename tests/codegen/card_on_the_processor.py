@@ -1,4 +1,4 @@
-"""CUDA kernels on the processor: their text through a C++ compiler, thread by thread, for machines without a card."""
+"""CUDA kernels on the CPU, compiled as C++ and run thread by thread, for machines without a GPU."""
 
 import ctypes
 import shutil
@@ -12,9 +12,9 @@ from slidax.codegen import cuda
 from slidax.codegen.cuda import dtype_on_card, pack_inputs, unpack_outputs
 
 THREADS = 4
-"""Of a block, so that some of the last one have no run."""
+"""Threads of a block, so that some threads of the last block have no run."""
 
-# Definitions by which a C++ compiler reads CUDA's words; one thread at a time.
+# Definitions of CUDA's keywords for a C++ compiler; threads run one at a time.
 ON_THE_PROCESSOR = """
 #include <cmath>
 #include <cstring>
@@ -37,7 +37,7 @@ needs_gxx = pytest.mark.skipif(not shutil.which("g++"), reason="g++ is not insta
 
 
 class CardOnTheProcessor(cuda.CudaKernel):
-    """A kernel without CuPy."""
+    """A kernel that needs no CuPy."""
 
     def __init__(self, program, folder: Path, real="double"):
         source, library = folder / "kernel.cpp", folder / "kernel.so"

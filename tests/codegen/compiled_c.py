@@ -21,7 +21,7 @@ needs_a_compiler = pytest.mark.skipif(not COMPILERS, reason="neither gcc nor cla
 
 
 def compiled(program, folder: Path, *, compiler="gcc", real="double", flags=()):
-    """The program as a function of a list of arrays, by a C compiler that takes every warning for an error."""
+    """Compile the program with warnings as errors; return it as a function of a list of arrays."""
     file = folder / "program.c"
     file.write_text(c_code(program, real=real))
     library = folder / f"program_{compiler}.so"

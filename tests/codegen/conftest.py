@@ -6,12 +6,12 @@ import pytest
 from slidax.codegen.llvm import machine
 
 USUAL = 2
-"""LLVM's level as users have it."""
+"""LLVM's optimisation level for users."""
 
 
 @pytest.fixture(autouse=True)
 def _optimised(monkeypatch):
-    """As users have it: XLA's bits, since without its optimisations roundings are others; LLVM's code."""
+    """Use the users' optimisation levels of XLA, whose roundings depend on them, and of LLVM."""
     before = jax.config.values["jax_disable_most_optimizations"]
     jax.config.update("jax_disable_most_optimizations", False)
     with monkeypatch.context() as usual:
@@ -24,6 +24,6 @@ def _optimised(monkeypatch):
 
 @pytest.fixture
 def folder(monkeypatch, tmp_path):
-    """A folder of the test's own for the object code that is kept."""
+    """The test's own cache folder for object code."""
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / "native")
     return tmp_path / "native"

@@ -1,4 +1,4 @@
-"""Programs run by NumPy, operation by operation, on many samples at once: the meaning that printers are held to."""
+"""Programs run by NumPy, operation by operation, on many samples at once: the reference for all code generators."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slidax.codegen.ir import DTYPES, Branch, Loop
 
 
 def interpreted(program, *inputs):
-    """The program's outputs, a list of arrays [samples, *shape]; logged ones [samples, rows, *shape]."""
+    """The program's outputs, a list of arrays [samples, *shape]; logged outputs are [samples, rows, *shape]."""
     samples = len(inputs[0]) if inputs else 1
     run = _Run(program, [np.asarray(x).reshape(samples, -1) for x in inputs], samples)
     with np.errstate(all="ignore"):
@@ -21,7 +21,7 @@ def interpreted(program, *inputs):
 
 
 class _Run:
-    """The values that are known so far."""
+    """The values computed so far."""
 
     def __init__(self, program, inputs, samples):
         self.program = program
@@ -34,7 +34,7 @@ class _Run:
         return self.known[value]
 
     def region(self, region, active):
-        """Computes a region; stores happen only where `active`."""
+        """Compute a region; store only where `active`."""
         for value in region.values:
             if isinstance(value, Loop):
                 self.loop(value, active)
@@ -107,11 +107,11 @@ class _Run:
 
 
 def converted(x, dtype):
-    """As another type: floats to integers towards zero, held at its ends, NaN to 0."""
+    """Convert to another type: floats round towards zero and saturate as integers; NaN becomes 0."""
     if x.dtype.kind != "f" or np.dtype(dtype).kind not in "iu":
         return x.astype(dtype)
     ends = np.iinfo(dtype)
-    # The upper end itself may be no float; the next power of two always is.
+    # The upper end may not be a float; the next power of two always is.
     above = x >= float(ends.max + 1)
     below = x <= float(ends.min)
     inside = np.where(above | below | np.isnan(x), 0, x).astype(dtype)

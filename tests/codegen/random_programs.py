@@ -1,4 +1,4 @@
-"""Programs of random operations, loops and branches, that end and stay within exactly rounded operations."""
+"""Terminating programs of random operations, loops and branches, with exactly rounded operations only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ COMPARED = ["lt", "le", "gt", "ge", "eq", "ne"]
 
 
 class RandomProgram:
-    """A program in the making."""
+    """Builder of a random program."""
 
     def __init__(self, seed, size=16, varying=False):
         self.random = np.random.default_rng(seed)
@@ -26,12 +26,12 @@ class RandomProgram:
         self.known["b1"].append(self.builder.apply("lt", *self.known["f64"][:2]))
 
     def pick(self, type):
-        """A value of a type that is known here; rather a new one."""
+        """Return a known value of a type, with a preference for recent values."""
         values = self.known[type]
         return values[-1 - min(int(self.random.exponential(6.0)), len(values) - 1)]
 
     def operation(self):
-        """One more value."""
+        """Add a value."""
         type = self.random.choice(["f64", "f64", "f64", "i32", "i64", "u32", "b1", "convert", "select"])
         if type == "f64":
             op = self.random.choice([*NUMBERS, "neg", "abs", "sqrt", "floor"])
@@ -55,7 +55,7 @@ class RandomProgram:
         self.known[value.type].append(value)
 
     def region(self, depth):
-        """Some more values, loops and branches among them."""
+        """Add several values, among them loops and branches."""
         for _ in range(int(self.random.integers(4, self.size if depth else 3 * self.size))):
             kind = self.random.random()
             if depth < 3 and kind < 0.08:
@@ -66,7 +66,7 @@ class RandomProgram:
                 self.operation()
 
     def inside(self, make):
-        """Values of a block are not known after it."""
+        """Forget the values of a block after it."""
         before = {type: list(values) for type, values in self.known.items()}
         values = make()
         self.known = before
@@ -76,7 +76,7 @@ class RandomProgram:
         return [self.pick(type) for type in types]
 
     def branch(self, depth):
-        """A branch that leaves some numbers."""
+        """Add a branch that returns some numbers."""
         types = [str(t) for t in self.random.choice(["f64", "i32", "b1"], int(self.random.integers(1, 4)))]
 
         def side():
@@ -86,7 +86,7 @@ class RandomProgram:
             self.known[result.type].append(result)
 
     def loop(self, depth):
-        """A loop of a few turns, known beforehand or not."""
+        """Add a loop with a few iterations, whose number may or may not be known at compile time."""
         types = [str(t) for t in self.random.choice(["f64", "i32", "b1"], int(self.random.integers(1, 4)))]
         zero, step = (self.builder.constant(k, "i32") for k in (0, 1))
         turns = self.builder.apply("and", self.pick("i32"), self.builder.constant(3, "i32"))
@@ -130,7 +130,7 @@ def random_program(seed):
 
 
 def random_arrays(seed):
-    """Arrays for its inputs."""
+    """Arrays for the inputs of a random program."""
     random = np.random.default_rng(seed)
     return [
         random.normal(size=3) * 3,

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 @pytest.fixture
 def levels(monkeypatch):
-    """LLVM's level of each module that is compiled."""
+    """LLVM's optimisation level of each compiled module."""
     levels, compiled = [], machine.Machine.compiled
     monkeypatch.setattr(machine, "OPTIMISED", 2)
     monkeypatch.setattr(
@@ -50,7 +50,7 @@ def test_cached_optimised_code_is_used(levels):
 
 
 def test_an_inaccessible_cache_folder_does_not_stop_a_run(levels, monkeypatch, tmp_path):
-    # Another user's folder, as in a container: a name that is too long is refused to root as well.
+    # Stands for another user's folder, as in a container: a name that is too long fails for root, too.
     monkeypatch.setattr(machine, "folder", lambda: tmp_path / ("a" * 300))
     assert llvm.ByDemand(scaled()).kernel(1).quick
 
@@ -74,7 +74,7 @@ def test_stack_of_unoptimised_code_is_below_its_estimate(monkeypatch):
     largest = max(programs, key=lambda program: sum(1 for _ in program.walk()))
     counted = sum(1 for _ in largest.walk()) * kernel.VALUE_SIZE
     code = kernel.Kernel(largest, 1, quick=True).object
-    # By so many bytes the stack grows at once: `sub rsp, number` of x86-64.
+    # Bytes by which the stack grows at once: `sub rsp, number` of x86-64.
     at = code.find(b"\x48\x81\xec")
     if at < 0:
         pytest.skip("not the code of an x86-64")
@@ -88,7 +88,7 @@ def test_called_elementary_function_gives_the_same_bits_as_its_inlined_expansion
     b = Builder()
     inputs = [b.input(f"x{k}", kind, (), varying=True).item() for k in range(2 if op in ("pow", "atan2") else 1)]
     value = b.apply(op, *inputs, type=kind)
-    # With a sum around it, into which a product would be taken.
+    # A sum follows, into which a product would be fused.
     b.output("y", kind, np.array([value, b.apply("add", value, inputs[0], type=kind)], object))
     program = b.finish()
     numbers = np.random.default_rng(0).normal(size=(len(inputs), 200)) * np.exp(np.linspace(-20.0, 8.0, 200))

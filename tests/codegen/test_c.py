@@ -1,4 +1,4 @@
-"""C from programs computes what they compute, and no compiler warns of it."""
+"""Generated C agrees with its program and compiles without a warning."""
 
 import jax
 import jax.numpy as jnp
@@ -62,7 +62,7 @@ BITS = ("bits", "bits back")
 
 
 def all_at_once(names):
-    """One function of all arguments of some cases that gives all of their results."""
+    """Return a function that computes the results of several cases, and its arguments."""
     cases = {name: CASES[name]() for name in names}
 
     def everything(args):

@@ -1,4 +1,4 @@
-"""Values that depend on parameters alone are computed separately."""
+"""Values that depend on parameters only are computed separately."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +10,7 @@ from slidax.codegen.c import loop_invariant, statements
 
 
 def split(function, *args):
-    """The statements for what lasts of the first argument alone, and those of the rest."""
+    """Return the statements that depend on the first argument only, and the other statements."""
     program = trace(function, *args)
     kept = loop_invariant(program, {0})
     places = {value: f"workspace->kept{k}" for k, value in enumerate(kept)}

@@ -1,4 +1,4 @@
-"""C from programs reads as a person would write it."""
+"""Generated C is readable."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from slidax.codegen.c.expressions import shortest_decimal
 
 
 def named(builder, count):
-    """Builder inputs that are read by their names."""
+    """Return inputs of a builder, and a function that prints values with the inputs' names."""
     inputs = [builder.input("abcdefgh"[k], "f64", ())[()] for k in range(count)]
 
     def text(*outputs):

@@ -1,4 +1,4 @@
-"""The CUDA kernel: its text, that nvcc takes it, and by a C++ compiler on the processor what it computes."""
+"""The CUDA kernel: it compiles with nvcc, and its results on the CPU (with a C++ compiler) and on a GPU."""
 
 import shutil
 import subprocess
@@ -18,7 +18,7 @@ RUNS, STEPS = 5, 40
 
 
 def pendulum():
-    """A damped pendulum by Euler's rule: a log of every fourth sample, and the end."""
+    """A damped pendulum by Euler's rule, with a log of every fourth sample and the final state."""
     b = Builder()
     start = b.input("state.start", "f64", (2,), varying=True)
     damping = b.input("damping", "f64", ())[()]
@@ -47,7 +47,7 @@ def pendulum_arrays():
 
 
 def assert_pendulum(log, end, accuracy):
-    """The log and the end are those of the same steps by NumPy."""
+    """Compare the log and the final state with NumPy."""
     state, *shared = pendulum_arrays()
     damping, steps, every = (x.item() for x in shared)
     expected = []

@@ -1,4 +1,4 @@
-"""Elementary functions written out: how exact they are, their special cases, and what they share."""
+"""Expanded elementary functions: accuracy, special cases and shared operations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .compiled_c import compiled, needs_a_compiler
 from .interpreter import interpreted
 
 TWO_ARGUMENTS = ("pow", "atan2")
-# Largest error of the reference: smaller than that of f64 if its numbers are longer, else the same.
+# Largest error of the reference: small if its floats are longer than f64, else that of f64.
 REFERENCE_ULPS = 0.01 if np.finfo(np.longdouble).nmant > 60 else 1.0
 SPECIAL = [0.0, 1.0, 2.0, 3.0, 0.5, 2.5, 0.3, 100.0, 709.9, 710.3, 745.2, 1023.5, 1024.0, 1075.0, 1e300, 1e308]
 SPECIAL += [2.0**52 + 1, 2.0**53, 2.0**53 + 2, 1e-300, 1e-310, 5e-324, 1.0 - 2.0**-53, 1.0 + 2.0**-52, math.inf]
@@ -26,7 +26,7 @@ RANDOM = np.random.default_rng(5)
 
 
 def program_of(ops, type="f64", exponent=None):
-    """A program that computes each function of the same inputs; a number instead of the second one if it is known."""
+    """A program that computes each function of the same inputs; `exponent` replaces the second input."""
     builder = Builder()
     x, y = builder.input("x", type, (2,))
     if exponent is not None:
@@ -42,7 +42,7 @@ def computed(op, x, y=0.0, **options):
 
 
 def reference(op, x, y=0.0):
-    """The same by the C library, in the longest numbers that it has."""
+    """Results of the C library in its longest float type."""
     arguments = [np.asarray(x, np.longdouble), np.asarray(y, np.longdouble)][: 1 + (op in TWO_ARGUMENTS)]
     names = {"pow": "power", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
     with np.errstate(all="ignore"):
@@ -147,7 +147,7 @@ def test_special_cases_of_two_arguments_are_those_of_the_c_standard(op):
 
 
 @pytest.mark.parametrize("exponent", [0.0, -0.0, 1.5, -2.5, 3.0, -3.0, -4.0, math.inf, -math.inf, math.nan])
-def test_a_known_exponent_changes_no_special_case(exponent):
+def test_power_with_a_constant_exponent_keeps_the_special_cases(exponent):
     assert_alike(computed("pow", SPECIAL, exponent=exponent), reference("pow", SPECIAL, exponent))
 
 
@@ -171,8 +171,8 @@ def test_subnormal_results_are_accurate_to_their_spacing():
         assert np.abs(computed(op, tiny) - tiny).max() <= spacing
 
 
-# Of all numbers of their size these are nearest to multiples of pi/2, found by continued fractions; the last one is
-# near to one, and its product with 2/pi has a carry in the middle.
+# By continued fractions, these floats are the nearest of their size to multiples of pi/2; the last is
+# near a multiple, and its product with 2/pi has a carry in the middle.
 NEAREST = [45.553093477052, 321307.9594422229, 1698673.2849629424, 6794693.139851769, 2.1684714451092387e20]
 NEAREST += [3.8281827772588983e59, 6.426511099577231e173, 5.319372648326541e255, 5.828466862870158e282]
 NEAREST += [2.167286360105717e198]

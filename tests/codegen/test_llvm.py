@@ -55,7 +55,7 @@ def test_random_programs_have_the_interpreters_bits_for_any_number_of_lanes(seed
 
 @pytest.mark.parametrize("level", [0, 1])
 def test_results_have_the_same_bits_at_every_optimisation_level(monkeypatch, level):
-    """The tests of a day compile at level 0, where LLVM is three times as fast."""
+    """Daily tests compile at level 0, where LLVM is three times as fast."""
     monkeypatch.setattr(machine, "OPTIMISED", level)
     host.cache_clear()
     for seed in (0, 1):
@@ -164,7 +164,7 @@ def test_runs_that_leave_a_loop_early_keep_their_values():
     b = Builder()
     limit = b.input("limit", "f64", (), varying=True).item()
     unit = b.constant(1.0, "f64")
-    # The second number is doubled alike in all runs, but not equally often.
+    # The second number doubles in all runs, but not equally often.
     total, power = b.loop(
         [b.constant(0.0, "f64"), unit],
         lambda carried: b.apply("lt", carried[0], limit),
@@ -192,7 +192,7 @@ def test_a_side_of_a_branch_that_no_run_takes_is_skipped():
     program = b.finish()
     assert any(isinstance(value, Branch) for value in program.walk())
     numbers, table = np.arange(RUNS) ** 2.0, np.array([10.0, 11.0, 12.0, 13.0])
-    # The places of runs that do not look are far outside of the table.
+    # Runs that do not read the table have an index far outside it.
     for places in (np.arange(RUNS) % 4, np.full(RUNS, 2**40), np.where(np.arange(RUNS) % 2, 2, 2**40)):
         expected = np.where(places < 4, table[places % 4], np.sqrt(numbers))
         for lanes in LANES:
@@ -229,7 +229,7 @@ def test_each_run_logs_its_own_rows(size):
 
 
 def scaled():
-    """`scale x`, of 2 numbers, where only x differs from run to run."""
+    """`scale x` for two numbers; only x differs between runs."""
     b = Builder()
     x, scale = b.input("x", "f64", (2,), varying=True), b.input("scale", "f64", ()).item()
     b.output("y", "f64", np.array([b.apply("mul", element, scale) for element in x], object))

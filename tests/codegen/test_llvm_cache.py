@@ -43,7 +43,7 @@ def computed(program):
 
 @pytest.fixture
 def compilations(monkeypatch):
-    """The texts that were compiled."""
+    """The compiled texts."""
     texts, compiled = [], machine.Machine.compiled
     monkeypatch.setattr(
         machine.Machine, "compiled", lambda self, text, level: texts.append(text) or compiled(self, text, level)
@@ -136,7 +136,7 @@ def test_cached_code_of_another_program_is_named_and_compiled_again(folder, comp
     llvm.compile(scaled())
     (kept,) = folder.iterdir()
     body = kept.read_bytes()[machine.DIGEST :].replace(b"runs_", b"walk_") if what.startswith("another") else b"nothing"
-    # With the right checksum.
+    # The file has the right checksum.
     (key,) = keys
     store(key, body)
     with pytest.warns(UserWarning, match=f"`{kept}` is not the code of this program .* compiled again"):

@@ -14,7 +14,7 @@ from . import interpreter
 
 
 def halving(most, start=0, step=1, compared="lt"):
-    """A number that is halved while it is above one, and not more often than `most`."""
+    """Halve a number while it is above 1, at most `most` times."""
     b = Builder()
     number, unit = b.input("x", "f64", ())[()], b.constant(1.0, "f64")
     count, by = b.constant(start, "i64"), b.constant(step, "i64")
@@ -39,7 +39,7 @@ def test_loop_that_counts_up_to_a_constant_has_an_iteration_bound():
     program = halving(20)
     assert count_iterations(only_loop(program)) == 20
     assert count_iterations(only_loop(halving(20, start=5))) == 15
-    # Three of the condition, asked once more than there are turns, and two in the body.
+    # The condition has 3 operations and runs 21 times; the body has 2 operations and runs 20 times.
     assert count_operations(program).operations == 21 * 3 + 20 * 2
     assert count_operations(program).elementary == 0
 

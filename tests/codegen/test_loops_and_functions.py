@@ -105,7 +105,7 @@ def test_block_moves_use_memcpy_and_never_overwrite_unread_values():
         "memcpy(y, &memory->x[2], 4 * sizeof y[0]);",
         "memset(z, 0, 9 * sizeof z[0]);",
     ]
-    # The later half takes the earlier one, which takes something else: in this order alone.
+    # The second move overwrites the source of the first move, so the order matters.
     moved = [(f"memory->x[{k + 10}]", k) for k in range(5)] + [(f"memory->x[{k}]", k + 20) for k in range(5)]
     assert assigned(*moved[::-1]) == [
         "memcpy(&memory->x[10], memory->x, 5 * sizeof memory->x[0]);",

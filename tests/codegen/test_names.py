@@ -1,4 +1,4 @@
-"""Names and comments in generated code: those of the source, in ASCII."""
+"""Names and comments of generated code come from the source, in ASCII."""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ X = jnp.array([0.3, 0.7])
 
 
 def names_in(function, *args):
-    """The names that values of a function get, firm ones and all."""
+    """Return the names of a function's values: the firm names and all names."""
     program = trace(function, *args, names=["abcdefgh"[k] for k in range(len(args))])
     named = map(Names(program).of, [value for value in program.walk() if value.op not in ("input", "const")])
     texts = [(name.text, name.firm) for name in named if name]

@@ -77,7 +77,7 @@ def formula(make):
 
 
 X = np.array([[1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0, 3.0]])
-REST = -(2.0**-60)  # of the product of the first two, beyond 1; rounding it loses it
+REST = -(2.0**-60)  # the product of the first two, less 1; rounding the product loses this
 
 
 @pytest.mark.parametrize(

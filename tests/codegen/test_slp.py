@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 class Joints:
-    """A random program of vectors with an element for each joint, mixed, turned round and summed now and then."""
+    """A random program of vectors with an element per joint, which are sometimes mixed, reversed or summed."""
 
     def __init__(self, seed):
         self.random = np.random.default_rng(seed)
@@ -28,12 +28,12 @@ class Joints:
         return known[-1 - min(int(self.random.exponential(3.0)), len(known) - 1)]
 
     def apply(self, op, *arrays, type=None):
-        """Elementwise, by the elements in turn, as a trace does."""
+        """Apply an operation element by element, as a trace does."""
         columns = zip(*(np.broadcast_to(array, self.joints) for array in arrays), strict=True)
         return np.array([self.builder.apply(op, *column, type=type) for column in columns], object)
 
     def step(self):
-        """One more vector or number."""
+        """Add a vector or number."""
         kind = self.random.choice(["two", "two", "two", "one", "mixed", "chosen", "integer", "turned", "sum", "cases"])
         x, y = self.pick(self.vectors), self.pick(self.vectors)
         if kind == "two":
@@ -64,7 +64,7 @@ class Joints:
         return b.branch(when, lambda: [b.apply("sqrt", b.apply("add", x, y))], lambda: [b.apply("sub", y, x)])[0]
 
     def loop(self):
-        """A few turns that carry two of the vectors and a number."""
+        """Add a loop of three iterations that carries two vectors and a number."""
         b, n = self.builder, self.joints
         zero, unit, last = (b.constant(k, "i64") for k in (0, 1, 3))
         start = [zero, *self.pick(self.vectors), *self.vectors[0], self.pick(self.numbers)]
@@ -119,7 +119,7 @@ def scalars(joints, law):
 
 
 def packed(joints, law):
-    """The same, with its vectors packed."""
+    """The program of `scalars` with its vectors packed."""
     program = scalars(joints, law)
     vectorise(program)
     put_in_order(program)
@@ -139,7 +139,7 @@ def test_operations_common_to_all_joints_become_one_vector_operation(joints):
 
 def test_scalars_are_gathered_for_later_vector_operations():
     def law(b, q, dq, gain):
-        # The accelerations of the two joints have different formulas; what is done with them has one.
+        # The accelerations of the two joints have different formulas, but enter the same operations.
         ddq = [b.apply("mul", b.apply("sub", q[0], q[1]), gain), b.apply("div", gain, q[1])]
         dq = [b.apply("fma", gain, a, v) for a, v in zip(ddq, dq, strict=True)]
         return [b.apply("sqrt", b.apply("mul", v, v)) for v in dq]
@@ -162,7 +162,7 @@ def test_dependent_values_do_not_share_a_vector():
     def law(b, q, dq, gain):
         first = b.apply("mul", q[0], gain)
         second = b.apply("mul", q[1], gain)
-        # Were both sums made at once, the second would have to be there before the first.
+        # The second sum depends on the first, so a vector cannot compute both.
         low = b.apply("add", first, b.constant(1.0, "f64"))
         return [low, b.apply("add", b.apply("mul", second, low), b.constant(1.0, "f64"))]
 

@@ -21,7 +21,7 @@ B = X > 0
 
 
 def computed(function, *args):
-    """The function's arrays by machine code of our own, and by JAX."""
+    """Return the function's results from generated machine code and from JAX."""
     program = trace(function, *args)
     ours = llvm.compile(program)([np.asarray(leaf) for leaf in jax.tree.leaves(args)])
     theirs = [np.asarray(leaf) for leaf in jax.tree.leaves(jax.jit(function)(*args))]
@@ -234,7 +234,7 @@ def test_a_branch_stays_a_branch_and_takes_the_correct_side(x):
 
 
 @pytest.mark.parametrize("which", [-4, 0, 1, 2, 9])
-def test_a_switch_takes_the_nearest_case(which):
+def test_switch_clamps_its_index_to_the_nearest_case(which):
     cases = [lambda x: x, lambda x: x * 2.0, lambda x: x * x]
     assert_alike(lambda i, x: lax.switch(i, cases, x), jnp.array(which), X)
 

@@ -46,7 +46,7 @@ def test_failing_translation_rule_is_reported_with_its_location_in_one_line(monk
     def fails(*_):
         raise failure
 
-    # Of the module, which the package shadows by its function.
+    # The function `slidax.codegen.trace` shadows the package of this name.
     monkeypatch.setitem(importlib.import_module("slidax.codegen.trace.tracing").PLAIN, "tanh", fails)
     with pytest.raises(NoNativeCodeError) as error:
         trace(lambda x: lax.fori_loop(0, 3, lambda _, x: jnp.tanh(x), x), X)

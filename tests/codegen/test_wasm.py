@@ -1,4 +1,4 @@
-"""Programs as WebAssembly: what the module is, and what its functions compute."""
+"""Programs as WebAssembly modules."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PROGRAM = codegen.trace(example, jnp.ones(3), jnp.ones(3))
 
 
 @pytest.mark.parametrize("value", [0, 1, 127, 128, 300, 2**32 - 1])
-def test_a_decoded_integer_is_the_encoded_one(value):
+def test_leb128_integers_survive_encoding_and_decoding(value):
     assert decode_leb128(b"x" + encode_leb128(value), 1) == (value, 1 + len(encode_leb128(value)))
 
 
@@ -47,12 +47,12 @@ def test_search_detects_each_multiply_add_and_nothing_else():
     bytes_of_one = {at for at in range(first, last) if module.bytes[at : at + 3] == MADD}
     assert len(multiply_adds) > 20
     assert multiply_adds == bytes_of_one - set(module.others)
-    # a constant that has their bytes is none
+    # A constant with the bytes of a multiply-add does not count.
     body = bytes([0, 0x44, 0, *MADD, 0, 0, 0, 0, 0x1A, 0x0B])
     assert find_multiply_adds(body) == []
 
 
-def test_the_same_program_gives_the_same_bytes():
+def test_same_program_gives_identical_wasm_bytes():
     again = codegen.trace(example, jnp.ones(3), jnp.ones(3))
     assert wasm_module(again).bytes == wasm_module(PROGRAM).bytes
 

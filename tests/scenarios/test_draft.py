@@ -221,7 +221,7 @@ def test_an_arm_with_a_mimic_joint_is_refused_and_the_suggested_tip_works(tmp_pa
 
 def test_a_file_with_only_mimic_joints_and_their_leaders_is_refused_without_a_tip(tmp_path):
     text = arm().replace('<child link="upper"/>', '<child link="upper"/><mimic joint="j1"/>')
-    with pytest.raises(DefinitionError, match=r"no joint of an arm: `j1`, `j2` follow or lead others.*`--tip LINK`"):
+    with pytest.raises(DefinitionError, match=r"no joint is part of an arm: `j1`, `j2` follow or lead.*`--tip LINK`"):
         new(tmp_path, text)
 
 

@@ -313,7 +313,7 @@ def test_a_portable_scenario_contains_its_table_of_tool_positions(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"trajectory.moves": []}, "trajectory: needs one of `moves`, `file` and `text`"),
+        ({"trajectory.moves": []}, "trajectory: needs exactly one of `moves`, `file` and `text`"),
         ({"trajectory.start": [0.0, 1.0]}, "trajectory: `start` must be 7 finite numbers"),
         ({"trajectory.velocity": 0.01}, "trajectory.moves.1: panda_joint"),
         ({"trajectory.moves.0.kind": "spiral"}, "trajectory.moves.0"),

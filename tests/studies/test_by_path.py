@@ -3,7 +3,7 @@ import pytest
 
 import slidax
 from slidax import scenarios
-from slidax.analysis import rms_error, steady_error
+from slidax.analysis import envelope_margin, rms_error, steady_error
 from slidax.core.errors import DefinitionError, DefinitionWarning
 
 GAIN = "scheme.surface.k1"
@@ -54,6 +54,12 @@ def test_the_gradient_of_a_metric_matches_finite_differences(scenario, metric):
     low, high = (np.max(rms_error(scenario.set({GAIN: own + d}).simulate(progress=False))) for d in (-step, step))
     assert value == pytest.approx(np.max(rms_error(scenario.simulate(progress=False))), rel=1e-9)
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-3)
+
+
+def test_the_gradient_of_a_margin_is_that_of_the_joint_with_the_least_margin(scenario):
+    margins = envelope_margin(scenario.simulate(progress=False))
+    value, _ = scenario.grad("envelope_margin", GAIN)
+    assert value == pytest.approx(np.min(margins), rel=1e-9) and np.ptp(margins) > 0.0
 
 
 def test_gradients_with_respect_to_several_paths_are_returned_as_a_mapping(scenario):

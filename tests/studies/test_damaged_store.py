@@ -168,7 +168,7 @@ def test_a_table_with_duplicate_or_non_numeric_columns_is_refused_with_the_reaso
 def test_a_table_that_declares_too_many_numbers_is_refused(out, monkeypatch):
     monkeypatch.setattr("slidax.studies.store.MOST_NUMBERS", 799)
     with pytest.raises(
-        DefinitionError, match=r"it has 200 rows, of which 4 columns are needed: at most 8e\+02 numbers are read"
+        DefinitionError, match=r"it has 200 rows in 4 needed columns, but at most 8e\+02 numbers are read"
     ):
         read_rows(out)
 

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.report import write_scenario, write_study_report
 from slidax.studies import RunOptions, read_study, study_of
 from slidax.studies.cases import columns_of
+from slidax.studies.falsify import rank_badness
 from slidax.studies.predicates import Predicate
 from slidax.studies.sensitivity import sobol_indices
 from slidax.studies.sweep import one_number
@@ -48,6 +50,24 @@ def test_page_of_a_sweep_has_the_map_and_its_points(swept):
     assert len(section.rows) == 6 and section.rows[1][-2] == swept.worst[0, 1]
     assert swept.as_json()["map"][2][1] == swept.worst[2, 1]
     assert swept.summary.startswith("3 x 2 points, 6 runs: no run fails at 6 of 6")
+
+
+def test_the_worst_of_a_margin_in_a_sweep_is_its_least_value(swept):
+    margins = np.array([0.3, 0.1, 0.5, 0.2, 0.4, 0.6, 0.9, 0.8, 0.7, 1.0, 0.25, 0.15])
+    table = {"outcome": np.zeros(12, int), "envelope_margin": margins, "steady_error": margins}
+    worst = {}
+    for of in ("envelope_margin", "steady_error"):
+        study = swept.study.model_copy(update={"of": of})
+        worst[of] = replace(swept, study=study, table=table).worst.ravel().tolist()
+    assert worst["envelope_margin"] == [0.1, 0.2, 0.4, 0.8, 0.7, 0.15]
+    assert worst["steady_error"] == [0.3, 0.5, 0.6, 0.9, 1.0, 0.25]
+
+
+def test_a_falsification_ranks_a_smaller_margin_and_a_larger_error_as_worse():
+    table = {"outcome": np.zeros(3, int), "t": np.ones(3), "tolerance_margin": np.array([0.3, 0.1, -0.2])}
+    table["steady_error"] = table["tolerance_margin"]
+    assert np.argsort(rank_badness(table, "tolerance_margin")).tolist() == [2, 1, 0]
+    assert np.argsort(rank_badness(table, "steady_error")).tolist() == [0, 1, 2]
 
 
 @pytest.mark.full
@@ -235,6 +255,14 @@ def test_a_slower_scheme_is_worse_in_the_paired_comparison(compared):
     assert "slower is better in peak_torque and worse in steady_error" in compared.summary
 
 
+def test_a_scheme_with_larger_margins_is_better_in_the_comparison(compared):
+    both = replace(compared, of=("envelope_margin",))
+    slower = both.difference("slower", "envelope_margin")
+    assert slower.of_mean.lower > 0.0 or slower.of_mean.upper < 0.0
+    expected = "better" if slower.mean > 0.0 else "worse"
+    assert f"slower is {expected} in envelope_margin" in both.summary
+
+
 def test_a_scheme_without_an_envelope_is_compared_by_the_other_metrics(compared):
     assert compared.rate("computed_torque", "envelope") == (None, None)
     assert compared.shares("computed_torque", "envelope") is None
@@ -314,6 +342,8 @@ def test_a_candidate_is_infeasible_if_a_case_fails_or_has_too_little_margin():
     result = evaluate_aims(rows, 2, ["steady_error"], [Predicate("envelope")], 0.05)
     assert result.aims[:, 0].tolist() == [2.0, 5.0, 3.0]
     np.testing.assert_allclose(result.broken, [-0.15, 1.55, 0.01])
+    with pytest.raises(DefinitionError, match=r"a larger `margin` is better: require it by `holds: margin > 0.1`"):
+        evaluate_aims(rows, 2, ["margin"], [Predicate("envelope")], 0.05)
 
 
 def test_gains_are_named_by_the_shortest_distinct_end_of_their_path():

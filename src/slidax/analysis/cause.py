@@ -21,8 +21,9 @@ from .run_record import RunRecord
 class Remedy:
     """A proposed remedy.
 
-    - `words`: description.
-    - `changes`: new values by their paths in the scenario file; empty if the file has no value for this remedy.
+    - `words`: the proposal in words.
+    - `changes`: new values by dotted path of the scenario file, such as `sensor.resolution`; empty for a remedy outside
+      the file.
     """
 
     words: str
@@ -30,7 +31,7 @@ class Remedy:
 
     @property
     def sets(self) -> str:
-        """The changes as options of `slidax run`."""
+        """The changes as options of `slidax run`: `--set PATH=VALUE`, separated by spaces."""
         return " ".join(f"--set {quote(f'{path}={_as_yaml(value)}')}" for path, value in self.changes.items())
 
 
@@ -40,7 +41,8 @@ class Finding:
 
     - `name`: name of the cause.
     - `joint`: index of the joint, from 0; None if the cause concerns all joints.
-    - `weight`: likelihood that this cause made the run leave, from 0 to 1; above 0.8 it suffices as an explanation.
+    - `weight`: likelihood that this cause made the run leave its envelope, from 0 to 1; above 0.8 it suffices as an
+      explanation.
     - `evidence`: a sentence with the values.
     - `numbers`: the values in the evidence, by name.
     - `remedies`: possible remedies, the best first.
@@ -61,7 +63,7 @@ class AbstractCause(ABC):
 
     @abstractmethod
     def finding(self, record: RunRecord) -> Finding | None:
-        """Return the evidence for this cause in the log; None if there is none."""
+        """Return the evidence for this cause in the record of a run; None if there is none."""
 
 
 def _as_yaml(value: Any) -> str:

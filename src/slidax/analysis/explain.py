@@ -39,7 +39,7 @@ CAUSES: tuple[AbstractCause, ...] = (
 """All causes that `explain` checks."""
 
 MOST_TRIED = 4
-"""Largest number of causes whose remedies are tried: each trial is a run."""
+"""Largest number of causes whose remedies are tried; each trial simulates the run again."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ class Explanation:
         if self.remedy is None:
             return f"{self.finding.evidence}."
         sets = f": `{self.remedy.sets}`" if self.remedy.changes else ""
-        outcome = "tried, the run holds" if self.holds else "tried, not enough alone" if self.tried else "not tried"
+        outcome = "tried successfully" if self.holds else "tried, not enough alone" if self.tried else "not tried"
         return f"{self.finding.evidence}. Remedy: {self.remedy.words}{sets} ({outcome})."
 
     def as_json(self) -> dict[str, Any]:
-        """The explanation as JSON; joints are counted from 1."""
+        """The explanation as a dictionary for JSON; joints are counted from 1."""
         finding, remedy = self.finding, self.remedy
         return {
             "name": finding.name,
@@ -156,7 +156,9 @@ SCENARIO, LOG = "scenario.yaml", "log.parquet"
 
 
 def read_saved(saved: str | Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
-    """The scenario of a saved run, its log as flat columns, and True if the log has every sample.
+    """Return a saved run's scenario, its log, and True if the log has every sample.
+
+    The log is an array over the samples for each column, by name; `q_1` is the position of joint 1.
 
     - `saved`: a folder that `slidax run --out` has written, or an MCAP file.
 
@@ -182,14 +184,15 @@ def read_saved(saved: str | Path) -> tuple[Scenario, dict[str, np.ndarray], bool
 
 
 def _columns(log: SavedLog) -> dict[str, np.ndarray]:
-    """Convert an MCAP log to flat columns, a row for each tick of the arm.
+    """Convert an MCAP log to an array per column, by name, with an entry for each sample of the arm.
 
-    In a tick without an answer of the law, the row repeats the law's last answer.
+    Where the law sent no command, the entry repeats the values of its last command.
     """
     arm, law = log.arm, log.law
     if not len(arm["true_k"]) or not len(law["k"]):
         raise DefinitionError(
-            f"`{log.path}` has no ticks of a simulated arm on `/truth`, or no answer of the law: a diagnosis needs both"
+            f"`{log.path}` has no samples of a simulated arm on `/truth`, or no command of the law: "
+            "a diagnosis needs both"
         )
     answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
     signals: dict[str, np.ndarray] = {

@@ -26,15 +26,19 @@ SAMPLES = 200
 """Number of times at which the planned motion is checked."""
 
 COMES = 0.02
-"""Time after a payload is attached at which its mass is read [s]."""
+"""Time after the pick-up of a payload at which the arm with payload is evaluated [s]."""
 
 
 def forecast(scenario: Scenario) -> list[str]:
     """Likely reasons for a run to leave its envelope, one sentence each; empty for a scheme that cannot be diagnosed.
 
-    Along the motion it compares: the required torque with the limits, the eigenvalues κ of `M⁻¹ M0` with the stable
-    range of each joint's loop, the estimator's ω H with its useful range, the robust torque u with the model error, and
-    the integrator's step with the simulated friction.
+    It compares along the planned motion:
+
+    - the required torque with the limits;
+    - the eigenvalues κ of `M⁻¹ M0`, with the true inertia matrix M and the nominal M0, with each joint's stable range;
+    - each estimator's bandwidth times the horizon with its useful range;
+    - the robust torque with the model error;
+    - the integrator's step with the longest stable one for the simulated friction.
     """
     try:
         law = require_explainable(scenario)
@@ -45,7 +49,7 @@ def forecast(scenario: Scenario) -> list[str]:
 
 
 class _PlannedMotion:
-    """The planned motion, with the true and the nominal arm along it."""
+    """The planned motion, and the true and the nominal arm along it. Its generators yield warnings."""
 
     def __init__(self, scenario: Scenario, law: SampledData) -> None:
         self.scenario, self.law = scenario, law
@@ -65,7 +69,7 @@ class _PlannedMotion:
 
     @cached_property
     def true(self) -> tuple[np.ndarray, np.ndarray]:
-        """True inertia matrix M, and bias with friction, along the motion, with the payload while it is attached."""
+        """True inertia matrix M [samples n n], and bias with friction [samples n], with the payload while attached."""
         mass, bias = inertia_and_bias(self.plant.robot, self.q, self.dq)
         load = self.plant.load
         if load is not None:
@@ -86,7 +90,7 @@ class _PlannedMotion:
         )
 
     def torques(self) -> Iterator[str]:
-        """Warn if the motion needs more torque than a drive has."""
+        """Yield a warning if the motion needs more torque than a drive has."""
         mass, bias = self.true
         needed = np.einsum("kij,kj->ki", mass, self.ddq) + bias - self.external_torque
         limit = np.broadcast_to(np.asarray(self.law.limits.torque), self.law.joints)
@@ -101,7 +105,10 @@ class _PlannedMotion:
             )
 
     def inertias(self) -> Iterator[str]:
-        """Warn if an eigenvalue κ of `M⁻¹ M0` is outside its loop's stable range, unless the law learns the inertia."""
+        """Yield a warning if an eigenvalue κ of `M⁻¹ M0` is outside its loop's stable range.
+
+        M and M0 are the true and the nominal inertia matrix. A law that learns the inertia gets no warning.
+        """
         if not isinstance(self.nominal, Articulated) or self.law.adaptation is not None:
             return
         values, vectors = np.linalg.eig(np.linalg.solve(self.true[0], self.believed[0]))
@@ -125,7 +132,7 @@ class _PlannedMotion:
             )
 
     def estimators(self) -> Iterator[str]:
-        """Warn if the nominal loop is unstable, or if ω H of an estimator is too small or too large."""
+        """Yield a warning if the nominal loop is unstable, or an estimator is too slow or too fast for the horizon."""
         loops = [(joint, loop) for joint, loop in enumerate(self._loops) if loop is not None]
         if not loops or self.law.horizon is None:
             return
@@ -144,15 +151,15 @@ class _PlannedMotion:
         if paces[slowest] < SLOW:
             yield (
                 f"the estimator of `{self.names[slowest]}` has a bandwidth of {paces[slowest]:.2g}/H, too slow for "
-                "the horizon: raise `torque_density`, or use finer encoders or a longer `horizon`"
+                "the horizon H: raise `torque_density`, or use finer encoders or a longer `horizon`"
             )
         noises = {joint: self._noise(joint, loop) for joint, loop in loops if paces[joint] > FAST}
         loudest = max(noises, key=noises.__getitem__, default=None)
         if loudest is not None and noises[loudest] >= NOISY:
             yield (
-                f"the estimator of `{self.names[loudest]}` has a bandwidth of {paces[loudest]:.2g}/H, so fast that "
-                f"noise alone causes torque steps of {noises[loudest]:.2g} times the rate limit: lower "
-                "`torque_density`, or use finer encoders"
+                f"the estimator of `{self.names[loudest]}` has a bandwidth of {paces[loudest]:.2g}/H, with the "
+                f"horizon H, so fast that noise alone causes torque steps of {noises[loudest]:.2g} times the rate "
+                "limit: lower `torque_density`, or use finer encoders"
             )
 
     def _noise(self, joint: int, loop: LinearLoop) -> float:
@@ -166,7 +173,7 @@ class _PlannedMotion:
         return float(3.0 * step / (rate * float(self.law.period)))
 
     def cover(self) -> Iterator[str]:
-        """Warn if the robust torque u does not cover the model's error."""
+        """Yield a warning if the robust torque u is smaller than the error of the model's torque."""
         bound = getattr(self.law.step, "bound", None)
         if bound is None:
             return
@@ -178,12 +185,13 @@ class _PlannedMotion:
         k = int(np.argmax(missing / u))
         if missing[k] > u[k]:
             yield (
-                f"u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, but the model error is {missing[k]:.3g} N m there: "
+                f"the robust torque u covers {u[k]:.3g} N m at t = {self.t[k]:.3g} s, but the model error is "
+                f"{missing[k]:.3g} N m there: "
                 "enlarge `scheme.bound`, or improve the nominal arm"
             )
 
     def steps(self) -> Iterator[str]:
-        """Warn if the integrator's step is too long for the simulated friction."""
+        """Yield a warning if the integrator's step is too long for the simulated friction."""
         ratio_and_joint = step_ratio(self.scenario)
         if ratio_and_joint is not None and ratio_and_joint[0] > 1.0:
             yield (

@@ -1,4 +1,4 @@
-"""The index sums of the paper, eqs. (80) to (82), over a run's position errors and torques."""
+"""Performance indices of the paper, eqs. (80) to (82): sums over a run's position errors and torques."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ DOI = "10.1007/s11071-022-07650-w"
 
 @metric("IAE (80)", "{position}", key="paper.iae", source=DOI)
 def iae(run: Run) -> np.ndarray:
-    """`IAE = Σ |e(k)|` over the samples with t > 2 s, eq. (80).
+    """`IAE = Σ |e(k)|` over the samples with t > 2 s, eq. (80) of the paper.
+
+    One value per joint; e is the position error.
 
     - `run`: a finished run, or a batch.
     """
@@ -22,7 +24,9 @@ def iae(run: Run) -> np.ndarray:
 
 @metric("ECI (81)", "({torque})²", key="paper.eci", source=DOI)
 def eci(run: Run) -> np.ndarray:
-    """`ECI = Σ |τ(k)|²` over all samples, eq. (81).
+    """`ECI = Σ |τ(k)|²` over all samples, eq. (81) of the paper.
+
+    One value per joint.
 
     - `run`: a finished run, or a batch.
     """
@@ -31,7 +35,9 @@ def eci(run: Run) -> np.ndarray:
 
 @metric("AICE (82)", "{torque}", key="paper.aice", source=DOI)
 def aice(run: Run) -> np.ndarray:
-    """`AICE = Σ |τ(k+1) - τ(k)|` over all samples, eq. (82).
+    """`AICE = Σ |τ(k+1) - τ(k)|` over all samples, eq. (82) of the paper.
+
+    One value per joint.
 
     - `run`: a finished run, or a batch.
     """
@@ -39,4 +45,4 @@ def aice(run: Run) -> np.ndarray:
 
 
 INDEX_SUMS: tuple[Metric[np.ndarray], ...] = (iae, eci, aice)
-"""The paper's index sums."""
+"""The paper's performance indices as metrics."""

@@ -33,7 +33,9 @@ QUIET = ("resolution", "position_noise", "velocity_noise")
 
 
 def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, list[str]]:
-    """Return a differentiable loop, its state just before a sample, and notes on the effects that were left out.
+    """Simulate a scenario until just before a sample, without sensor effects that have no derivative.
+
+    Return the loop, its state at that time, and a note on each effect that was left out.
 
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
@@ -81,11 +83,11 @@ def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
     if isinstance(sensor, Lossy):
         loses = any(np.any(np.asarray(x) > 0) for x in (sensor.probability, sensor.counts, sensor.pattern))
         if loses:
-            left_out.append("lost samples: every sample arrives")
+            left_out.append("lost samples: left out, every sample arrives")
         return _quiet(sensor.sensor, left_out)
     if isinstance(sensor, Delayed):
         if sensor.jitter:
-            left_out.append(f"jitter of {sensor.jitter:g} periods: each sample has the mean age")
+            left_out.append(f"jitter of {sensor.jitter:g} periods: left out, each sample has the mean delay")
         return DelayLine(_quiet(sensor.sensor, left_out), sensor.periods)
     for name in QUIET:
         value = getattr(sensor, name, None)
@@ -98,17 +100,19 @@ def _quiet(sensor: AbstractSensor, left_out: list[str]) -> AbstractSensor:
 
 
 def arm_state(carry: Carry) -> tuple[np.ndarray, np.ndarray]:
-    """Joint positions and velocities, [n] and [n]."""
+    """Joint positions [n], rad or m, and velocities [n], rad/s or m/s, in a state of the loop."""
     q, dq = jax.tree.map(np.asarray, (carry.state.q, carry.state.dq))
     return q, dq
 
 
 SLOW = 5.0
-"""Velocity, as a multiple of v_s, below which the Coulomb friction of a joint acts as damping."""
+"""Velocity below which Coulomb friction acts as damping, as a multiple of the width v_s of its sign change."""
 
 
 def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[str]:
-    """Notes on frozen parts and on nonsmooth points of the loop, one sentence each.
+    """Notes that limit the linearisation: frozen learning, nonsmooth points, slow joints and saturated drives.
+
+    Each note is a sentence.
 
     - `carry`: state of the loop.
     - `rough`: True if the derivative and central differences disagree.
@@ -119,8 +123,8 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         notes.append("learning: the learnt rotor inertias and friction are frozen at that time")
     if rough:
         notes.append(
-            "not smooth: derivative and differences disagree for relative steps of 1e-6; a gate, a limit or a sign "
-            "changes nearby, and the stability result holds only for smaller motions"
+            "not smooth: the derivative and central differences with relative steps of 1e-6 disagree, since a gate, a "
+            "limit or a sign function switches nearby; the stability result holds only for smaller motions"
         )
     robot = loop.plant.robot
     if isinstance(robot, Articulated):
@@ -128,8 +132,8 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         if slow.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, slow, strict=True) if applies)
             notes.append(
-                f"Coulomb friction of {joints} counts as damping, f_c/v_s at rest: this holds only for velocities "
-                f"below {float(robot.smoothing):g} rad/s"
+                f"Coulomb friction of {joints} counts as damping, `coulomb/smoothing` at rest: this holds only for "
+                f"velocities below {float(robot.smoothing):g} rad/s"
             )
     drive = loop.plant.actuator
     if drive is not None and carry.actuator is not None:
@@ -138,7 +142,7 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         full = np.abs(last) >= limit * (1 - 1e-9)
         if full.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, full, strict=True) if applies)
-            notes.append(f"{joints} is at its torque limit: its loop is open there")
+            notes.append(f"the torque limit is reached at {joints}: there the loop is open")
     return notes
 
 
@@ -164,12 +168,13 @@ class LinearisedLoop:
     - `scenario`: name of the scenario.
     - `at`: time [s].
     - `q`, `dq`: joint positions and velocities at this time [n].
-    - `system`: linear system from all injected signals to all outputs, with the states that connect them.
+    - `system`: linear system from all injected signals (`INPUTS` of `period_map.py`) to all `OUTPUTS`, with the states
+      that connect them.
     - `joint_names`: names of the joints.
     - `held`: True if the torque is held over the period; only then the loop can be opened.
     - `notes`: sentences on effects that are left out, frozen or nonsmooth.
-    - `derivative_error`: largest difference between a derivative and central differences of the simulated sample,
-      relative to the largest value in its column.
+    - `derivative_error`: largest difference between the Jacobian and central differences of the simulated sample,
+      relative to the largest entry of the same column.
     """
 
     scenario: str
@@ -204,14 +209,16 @@ class LinearisedLoop:
         return modes
 
     def closed_loop(self, where: str) -> SampledSystem:
-        """Return the closed loop from a signal injected at a point to the signal that returns there, `-L/(1 + L)`.
+        """Return the closed loop from a signal injected at a point to the signal that returns there, for all joints.
+
+        With the loop gain L at this point it is `-L (1 + L)⁻¹`.
 
         - `where`: "torque", between law and drives, or "measurement", between arm and sensor.
 
         Raises DefinitionError for another point, or in continuous mode.
         """
         if where not in BROKEN:
-            raise DefinitionError(f'a loop can be broken at the "torque" or the "measurement"; got "{where}"')
+            raise DefinitionError(f'a loop can be opened at `where="torque"` or `where="measurement"`; got "{where}"')
         if not self.held:
             raise DefinitionError(
                 "in continuous mode the torque changes within a period, and no sampled loop can be opened: "
@@ -254,11 +261,11 @@ class LinearisedLoop:
         return self._known[where]
 
     def simultaneous_margins(self, where: str) -> tuple[float, float, float] | None:
-        """Disk margin for simultaneous changes in all joints, largest singular value of S, and its frequency [rad/s].
+        """Disk margin for simultaneous changes in all joints, peak of the sensitivity S, and its frequency [rad/s].
+
+        The peak is the largest singular value of `S = (1 + L)⁻¹`, with the loop gain L. None if the loop is unstable.
 
         - `where`: as in `closed_loop`.
-
-        None if the loop is unstable.
         """
         return simultaneous_margins(self.closed_loop(where)) if self.stable else None
 
@@ -267,7 +274,7 @@ class LinearisedLoop:
         return closed.select([closed.inputs[joint]], [closed.outputs[joint]])
 
     def as_json(self) -> dict[str, Any]:
-        """The output of `slidax linear --json`."""
+        """The result as the dictionary that `slidax linear --json` prints."""
         margins: dict[str, Any] = {}
         if self.held and self.stable:
             for where in BROKEN:

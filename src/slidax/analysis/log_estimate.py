@@ -26,11 +26,12 @@ class LogEstimate:
     """Inertia of each joint [n] and delay, estimated from a log.
 
     - `inertia`: estimated diagonal of M, kg m² or kg; NaN if the joint moves too little in the band.
-    - `nominal`: mean diagonal of the nominal M0 over the samples, weighted by a² as in the fit.
+    - `nominal`: mean diagonal of the nominal M0 over the samples, weighted by the squared acceleration.
     - `spread`: standard error of `inertia`.
     - `delay`: delay from a torque to its measured effect [periods]; NaN if no joint determines it.
     - `coherence`: share of each joint's torque in the band that the inertia explains [n].
-    - `delay_gain`: relative decrease of the unexplained share by this delay, compared with the law's believed delay.
+    - `delay_gain`: relative decrease of the torque's unexplained share with this delay instead of the delay in the
+      law's settings.
     """
 
     inertia: np.ndarray
@@ -49,8 +50,9 @@ class LogEstimate:
 def estimate_from_log(record: RunRecord) -> LogEstimate:
     """Estimate the delay and each joint's inertia: fit `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band.
 
-    a is the second difference of the measured positions and τ̄ the torque's mean over the two periods that it spans,
-    shifted by the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters.
+    I_i is the estimated inertia; M0, C0 and G0 are those of the nominal arm. a is the acceleration, from the second
+    difference of the measured positions. τ̄ is the torque's mean over the two periods of this difference, shifted by
+    the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters.
     Encoder noise enlarges the sum of a²; its share is subtracted.
     """
     h = record.period
@@ -116,7 +118,10 @@ def encoder_resolution(q: np.ndarray) -> np.ndarray:
 
 
 def believed_inertia(record: RunRecord, estimate: LogEstimate) -> np.ndarray:
-    """Each joint's inertia in the law's model just before the run left its envelope [n], kg m² or kg."""
+    """Each joint's inertia in the law's model just before the run left its envelope [n], kg m² or kg.
+
+    - `estimate`: the estimate from the same record; its `nominal` is the inertia before learning.
+    """
     own = estimate.nominal
     if record.law.adaptation is None:
         return own

@@ -15,7 +15,7 @@ from .log_estimate import LogEstimate, believed_inertia, encoder_resolution, est
 from .run_record import RunRecord
 
 GAIN = 0.08
-"""Least share of the unexplained torque that a different delay must explain."""
+"""Least share of the unexplained torque that a delay other than the law's must explain."""
 
 APART = 0.9
 """Least difference of a delay from the believed one, in periods: friction looks like a delay of 0.75 periods."""
@@ -113,7 +113,7 @@ ESTIMATOR, HORIZON = "scheme.sampled_data.estimator", "scheme.sampled_data.horiz
 
 
 class EstimatorCause(AbstractCause):
-    """The nominal loop is unstable, or ω H of its estimator is far from 1."""
+    """The nominal loop is unstable, or the estimator's bandwidth times the horizon is far from 1."""
 
     name: ClassVar[str] = "estimator"
 
@@ -136,7 +136,8 @@ class EstimatorCause(AbstractCause):
         if pace[slowest] < SLOW and isinstance(record.law.estimator, Kalman | StrongTracking):
             bandwidth = loops[slowest].bandwidth
             evidence = (
-                f"{record.named(slowest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[slowest]:.2g}/H"
+                f"{record.named(slowest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[slowest]:.2g}/H "
+                "with the horizon H"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[slowest]}
             return Finding(self.name, slowest, 0.75, evidence, numbers, _estimator_remedies(record))
@@ -146,8 +147,9 @@ class EstimatorCause(AbstractCause):
                 return None
             bandwidth = loops[fastest].bandwidth
             evidence = (
-                f"{record.named(fastest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[fastest]:.2g}/H, "
-                f"and encoder rounding alone causes torque steps of {noise[fastest]:.2g} times the rate limit"
+                f"{record.named(fastest)}: the estimator's bandwidth is {bandwidth:.3g} rad/s, {pace[fastest]:.2g}/H "
+                f"with the horizon H, and encoder rounding alone causes torque steps of {noise[fastest]:.2g} times the "
+                "rate limit"
             )
             numbers = {"bandwidth": bandwidth, "pace": pace[fastest], "noise": float(noise[fastest])}
             return Finding(self.name, fastest, 0.92, evidence, numbers, _estimator_remedies(record))
@@ -161,9 +163,9 @@ class EstimatorCause(AbstractCause):
 
 
 def _estimator_remedies(record: RunRecord) -> list[Remedy]:
-    """Return remedies: torque densities for ω H near 1, and the default Kalman filter.
+    """Return remedies: torque densities for a bandwidth near 1/H, and the default Kalman filter.
 
-    ω is proportional to the sixth root of the density.
+    H is the horizon; the bandwidth is proportional to the sixth root of the density.
     """
     block: Any = record.scenario.description.scheme.sampled_data
     remedies = []
@@ -246,7 +248,9 @@ def _adaptation_remedies(record: RunRecord) -> list[Remedy]:
         return []
     default = field[ADAPTATION].get_default(call_default_factory=True)
     value: Any = {} if default is None else {"kind": default.kind}
-    return [Remedy("let the law learn it: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})]
+    return [
+        Remedy("let the law learn the inertia: remove `adaptation: null`", {f"scheme.sampled_data.{ADAPTATION}": value})
+    ]
 
 
 def _model_remedies(record: RunRecord, estimate: LogEstimate, known: np.ndarray) -> list[Remedy]:
@@ -271,7 +275,11 @@ def _model_remedies(record: RunRecord, estimate: LogEstimate, known: np.ndarray)
 
 
 class PeriodCause(AbstractCause):
-    """The loop rate is too low for the envelope: `(H + D h)² w̄ < ϑ ρ∞` does not hold (docs/loop-rate.md)."""
+    """The loop rate is too low for the envelope: `(H + D h)² w̄ < ϑ ρ∞` does not hold (docs/loop-rate.md).
+
+    H is the horizon, D the delay in periods, h the period, w̄ the largest error of the disturbance estimate, and ϑ ρ∞
+    the final half width of the envelope.
+    """
 
     name: ClassVar[str] = "period"
 
@@ -285,7 +293,7 @@ class PeriodCause(AbstractCause):
         unit = record.units[joint]
         evidence = (
             f"{record.named(joint)}: at a period of {1e3 * record.period:g} ms the estimated disturbance is off by "
-            f"up to {record.missed[joint]:.3g} {unit}/s², which moves the error by (H + D h)² w = "
+            f"up to {record.missed[joint]:.3g} {unit}/s², which over horizon and delay moves the error by "
             f"{deviation[joint]:.2g} {unit}, but the envelope allows {record.half_width[joint]:.2g} {unit}"
         )
         # A slow loop is a cause of its own; in a fast loop the rule fails because of another cause.

@@ -75,16 +75,16 @@ class Metric(Generic[Value]):
 
     @property
     def meaning(self) -> str:
-        """The formula in a few words, for tables."""
+        """First line of the docstring, without its code marks and period, for tables."""
         return inspect.cleandoc(self.function.__doc__ or "").partition("\n")[0].replace("`", "").rstrip(".")
 
     def units(self, run: Run) -> list[str]:
-        """The metric's unit for each joint."""
+        """The metric's unit for each joint of a run."""
         pairs = zip(run.joint_units, run.torque_units, strict=True)
         return [self.unit.format(position=position, torque=torque).replace("(N)", "N") for position, torque in pairs]
 
     def shown(self, run: Run) -> list[float | None]:
-        """The values for a table, one per joint; None for a missing value."""
+        """The values of a run for a table, one per joint; None for a missing value."""
         values: Any = self(run)
         if values is None:
             return [None] * run.joints
@@ -104,7 +104,10 @@ def metric(title: str, unit: str, *, key: str = "", **how: Any) -> Callable[[Cal
 
 
 def counting_error(name: str) -> DefinitionError:
-    """The error for a metric that counts samples, inside `jit`, `vmap` and `grad`."""
+    """Return the error for a metric that counts samples, if it is used inside `jit`, `vmap` or `grad`.
+
+    - `name`: key of the metric.
+    """
     return DefinitionError(
         f"`{name}` counts samples, and so has no derivative and no value inside `jit`, `vmap` or `grad`: compute it "
         "for the finished run, and differentiate another metric, such as `rms_error`"
@@ -120,7 +123,7 @@ def arrays(run: Run) -> Any:
 
 
 def array_of(value: Any) -> np.ndarray:
-    """Convert a value of a run's tally to NumPy, except inside `jit`, `vmap` and `grad`.
+    """Convert a value of a run's `tally` to NumPy; inside `jit`, `vmap` and `grad` return it unchanged.
 
     - `value`: a scalar or an array.
     """
@@ -138,9 +141,9 @@ def safe_sqrt(xp: Any, square: Any) -> Any:
 
 
 def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
-    """The values of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
+    """Return values per joint with the unknown ones marked: None for a run, masked for a batch, NaN if traced.
 
-    - `known`: True where there is a value, [] or [runs].
+    - `known`: True for a run whose values are known, [] or [runs].
     - `values`: the metric's values, [n] or [runs n].
     """
     if is_traced((known, values)):
@@ -152,9 +155,9 @@ def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
 
 
 def value_of_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
-    """The value of a run, None if unknown; for a batch, masked where unknown; for a traced run, NaN where unknown.
+    """Return a value per run, marked if unknown: None for a run, masked for a batch, NaN if traced.
 
-    - `known`: True where there is a value, [] or [runs].
+    - `known`: True for a run whose value is known, [] or [runs].
     - `value`: the metric's value, [] or [runs].
     """
     if is_traced((known, value)):
@@ -171,17 +174,17 @@ def _traced_where(known: Any, values: Any) -> np.ndarray:
 
 
 def integral(run: Run, total: Any, first: Any, last: Any) -> np.ndarray:
-    """Integral over the run by the trapezoidal rule, [n] or [runs n].
+    """Integral of a signal over the run by the trapezoidal rule, [n] or [runs n].
 
     - `run`: the run, whose period is the step.
-    - `total`: sum over all samples.
-    - `first`, `last`: first and last sample, which count half.
+    - `total`: sum of the signal over all samples.
+    - `first`, `last`: the signal at the first and the last sample, which count half.
     """
     return array_of(run.period)[..., None] * (array_of(total) - 0.5 * (array_of(first) + array_of(last)))
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """Remove the words that all names begin or end with: `panda_joint1` becomes `joint1`.
+    """Return names without the words that all begin or end with: `panda_joint1` becomes `joint1`.
 
     Common words stay if a name would have no letter without them.
 

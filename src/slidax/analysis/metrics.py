@@ -39,7 +39,7 @@ def settling_time(run: Run, band: float) -> np.ndarray:
 
 
 def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
-    """A settling-time metric for each of the run's bands."""
+    """Return a settling-time metric for each of the run's settling bands."""
 
     def settled(run: Run, band: float) -> np.ndarray:
         """Last sample time with |e| above the band."""
@@ -58,13 +58,19 @@ def settling_times(run: Run) -> tuple[Metric[np.ndarray], ...]:
 
 @metric("steady error", "{position}", brief=True)
 def steady_error(run: Run) -> np.ndarray | None:
-    """`max |e|` over the last quarter of the run."""
+    """`max |e|` over the last quarter of the run.
+
+    e is the position error; one value per joint. None if the run ended before its last quarter.
+    """
     return known_values(reached_last_quarter(run), array_of(run.tally.steady_error))
 
 
 @metric("error, rms", "{position}")
 def rms_error(run: Run) -> np.ndarray | None:
-    """Root mean square of e over the run."""
+    """Root mean square of e over the run.
+
+    e is the position error; one value per joint. None if the run has fewer than two samples.
+    """
     tally = run.tally
     first, last = array_of(tally.first_error), array_of(tally.last_error)
     samples = array_of(tally.samples)
@@ -78,7 +84,8 @@ def rms_error(run: Run) -> np.ndarray | None:
 def iae(run: Run) -> np.ndarray:
     """`∫ |e| dt` over the run.
 
-    By the trapezoidal rule on all samples, so it does not depend on the period.
+    e is the position error; one value per joint. By the trapezoidal rule on all samples, so it does not depend
+    on the period.
     """
     tally = run.tally
     total = array_of(tally.early_error) + array_of(tally.late_error)
@@ -86,7 +93,7 @@ def iae(run: Run) -> np.ndarray:
 
 
 def reached_last_quarter(run: Run) -> Any:
-    """True if the run has samples in its last quarter, the window of steady values, [] or [runs]."""
+    """True if a run has samples in its last quarter, the window of steady values: [], for a batch [runs]."""
     return array_of(run.tally.samples) > array_of(run.windows.steady)
 
 
@@ -102,31 +109,37 @@ def _named(band: float) -> str:
 
 @metric("peak torque", "{torque}", brief=True)
 def peak_torque(run: Run) -> np.ndarray:
-    """`max |τ|` over the run."""
+    """`max |τ|` over the run, one value per joint."""
     return array_of(run.tally.peak_torque)
 
 
 @metric("initial torque", "{torque}")
 def initial_torque(run: Run) -> np.ndarray:
-    """`|τ(0)|`."""
+    """`|τ(0)|`, the torque of the first sample, one value per joint."""
     return abs(array_of(run.tally.first_torque))
 
 
 @metric("torque step, max", "{torque}", brief=True)
 def max_torque_step(run: Run) -> np.ndarray:
-    """`max |τ(k+1) - τ(k)|` over the run."""
+    """`max |τ(k+1) - τ(k)|` over the run, one value per joint."""
     return array_of(run.tally.max_step)
 
 
 @metric("torque step, steady", "{torque}", brief=True)
 def steady_torque_step(run: Run) -> np.ndarray | None:
-    """`max |τ(k+1) - τ(k)|` over the last quarter of the run."""
+    """`max |τ(k+1) - τ(k)|` over the last quarter of the run.
+
+    One value per joint. None if the run ended before its last quarter.
+    """
     return known_values(reached_last_quarter(run), array_of(run.tally.steady_step))
 
 
 @metric("torque step, steady, rms", "{torque}")
 def steady_torque_step_rms(run: Run) -> np.ndarray | None:
-    """Root mean square of `τ(k+1) - τ(k)` over the last quarter of the run."""
+    """Root mean square of `τ(k+1) - τ(k)` over the last quarter of the run.
+
+    One value per joint. None if the run ended before its last quarter.
+    """
     xp = arrays(run)
     steps = array_of(run.tally.samples) - 1 - array_of(run.windows.steady)
     square = array_of(run.tally.steady_square) / xp.maximum(steps, 1).astype(float)[..., None]
@@ -137,7 +150,7 @@ def steady_torque_step_rms(run: Run) -> np.ndarray | None:
 def torque_energy(run: Run) -> np.ndarray:
     """`∫ τ² dt` over the run.
 
-    By the trapezoidal rule on all samples. The heat in a motor's winding is proportional to it.
+    By the trapezoidal rule on all samples, one value per joint. The heat in a motor's winding is proportional to it.
     """
     first, last = array_of(run.tally.first_torque), array_of(run.tally.last_torque)
     return integral(run, run.tally.torque_square, first**2, last**2)
@@ -154,7 +167,7 @@ def torque_travel(run: Run) -> np.ndarray:
 
 @metric("samples outside the envelope", "", per_joint=False, counts=True)
 def envelope_violations(run: Run) -> np.ndarray | int | None:
-    """Number of samples with a joint at or outside its bounds (12); None for a scheme without an envelope."""
+    """Number of samples with a joint at or outside its envelope; None for a scheme without one."""
     if not run.has_envelope:
         return None
     violations = array_of(run.tally.violations)
@@ -172,7 +185,7 @@ def envelope_margin(run: Run) -> np.ndarray | None:
 
 @metric("margin of the guarantee", "", per_joint=False, least_is_best=False)
 def guarantee_margin(run: Run) -> np.ndarray | float | None:
-    """Least margin of the guarantee over the run, by the monitor; negative where it fails; None without a monitor."""
+    """Least relative margin of the monitored guarantee over the run; negative if it fails; None without a monitor."""
     if run.tally.promise is None:
         return None
     margin = array_of(run.tally.promise.margin)
@@ -181,7 +194,7 @@ def guarantee_margin(run: Run) -> np.ndarray | float | None:
 
 @metric("first warning of the monitor", "s", per_joint=False, least_is_best=False, counts=True)
 def warned_at(run: Run) -> np.ndarray | float | None:
-    """Time of the monitor's first warning [s]; None if there was none, or without a monitor."""
+    """Time of the first warning by the law's monitor [s]; None if there was none, or without a monitor."""
     if run.tally.promise is None:
         return None
     warned = array_of(run.tally.promise.warned)
@@ -219,7 +232,10 @@ def tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("steady tool error", "m", per_joint=False)
 def steady_tool_error(run: Run) -> np.ndarray | float | None:
-    """Largest distance of the tip from its reference position over the last quarter of the run [m]."""
+    """Largest distance of the tip from its reference position over the last quarter of the run [m].
+
+    None if no tool is guided, or the run ended before its last quarter.
+    """
     if run.tally.tool is None:
         return None
     return value_of_run(reached_last_quarter(run), array_of(run.tally.tool.position.steady))
@@ -227,7 +243,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool error, rms", "m", per_joint=False)
 def rms_tool_error(run: Run) -> np.ndarray | float | None:
-    """Root mean square distance of the tip from its reference position over all samples [m]."""
+    """Root mean square distance of the tip from its reference position [m]; None if no tool is guided."""
     if run.tally.tool is None:
         return None
     samples = array_of(run.tally.samples)
@@ -243,14 +259,17 @@ def tool_turn(run: Run) -> np.ndarray | float | None:
 
 @metric("steady tool rotation error", "rad", per_joint=False)
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
-    """Largest rotation angle between the tool and its reference over the last quarter of the run [rad]."""
+    """Largest rotation angle between the tool and its reference over the last quarter of the run [rad].
+
+    None if no tool is guided, or the run ended before its last quarter.
+    """
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(reached_last_quarter(run), array_of(turn.steady))
 
 
 @metric("tool rotation error, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
-    """Root mean square rotation angle between the tool and its reference over all samples [rad]."""
+    """Root mean square rotation angle between the tool and its reference [rad]; None if no tool is guided."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     if turn is None:
         return None
@@ -310,8 +329,9 @@ def metrics_of(run: Run) -> tuple[Metric[Any], ...]:
 
 
 def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """All metrics by key; a list has an entry per joint, for a batch an entry per run.
+    """Return all metrics of a run or a batch by key, as numbers and nested lists.
 
+    A metric per joint is a list with an entry for each joint. For a batch the outer list has an entry for each run.
     Missing and infinite values are None.
 
     - `also`: further metrics, such as those of a paper.
@@ -326,7 +346,7 @@ def summary(run: Run, also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
 
 
 def metrics_frame(runs: Run | Mapping[str, Run], kind: Kind = "pandas", also: Sequence[Metric[Any]] = ()) -> Any:
-    """All metrics as a data frame with columns `run`, `metric`, `joint`, `unit`, `value` and a row for each value.
+    """Return all metrics as a data frame: columns `run`, `metric`, `joint`, `unit`, `value`, a row for each value.
 
     `run` is the index of a run, from 0, or its name. `joint` is the joint's name, empty for a metric of the run.
     Missing values are NaN in pandas, null in polars.

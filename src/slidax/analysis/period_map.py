@@ -27,11 +27,11 @@ from slidax.plant.sensors import AbstractSensor, Measurement
 from slidax.simulation.loop import Carry, ClosedLoop, sample
 
 LAW_TORQUE = "command of the law"
-"""Name of the signal with the law's own torque, without the injected one."""
+"""Name of the log's signal with the law's own torque, without the injected torque."""
 
 
 class InjectedSignals(eqx.Module):
-    """Signals injected in a period, each [n].
+    """Signals injected in a sampling period, each [n].
 
     - `disturbance`: torque on the joints, held over the period, N m or N.
     - `torque`: added to the law's command, before the drives, N m or N.
@@ -87,7 +87,7 @@ class AddedTorque(AbstractController):
 
 
 class ShiftedSensor(AbstractSensor):
-    """A sensor that measures a shifted state; it loses no samples."""
+    """A sensor that measures the true state plus an offset; it loses no samples."""
 
     sensor: AbstractSensor = piece("the sensor")
     position: Vector = piece("added to the positions")
@@ -101,7 +101,7 @@ class ShiftedSensor(AbstractSensor):
 
 
 class OffsetMotion(AbstractMotion):
-    """A motion with independent offsets of its position, velocity and acceleration."""
+    """A motion with constant offsets of its position, velocity and acceleration, which are independent."""
 
     motion: AbstractMotion = piece("the motion")
     q: Vector = piece("added to the position")
@@ -117,9 +117,10 @@ class OffsetMotion(AbstractMotion):
 
 
 def inject(loop: ClosedLoop, signals: InjectedSignals) -> ClosedLoop:
-    """Return the loop with injected signals; the structure of its memory is unchanged.
+    """Return a closed loop to which signals are added; the structure of its memory is unchanged.
 
     - `loop`: the loop; in held mode it must have a sensor.
+    - `signals`: the signals, constant over the period.
     """
     plant = eqx.tree_at(
         lambda p: p.disturbance, loop.plant, AddedDisturbance(loop.plant.disturbance, signals.disturbance)
@@ -193,7 +194,7 @@ class DelayLine(AbstractSensor):
 
 INPUTS = tuple(InjectedSignals.__annotations__)
 OUTPUTS = ("error", "torque", "position", "velocity")
-"""Outputs of the map at the sample: e, the law's command, and the true state at the sensor's input."""
+"""Outputs of the map at the sample: position error, the law's command, and true position and velocity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +204,8 @@ class PeriodMap:
     - `x`: the m states at the operating point [m].
     - `inputs`: size of u, n for each of `INPUTS`.
     - `outputs`: size of y, n for each of `OUTPUTS`.
-    - `evaluate`: returns (x⁺, y) and its directional derivative for (x, u) and a direction, both [m + outputs].
+    - `evaluate`: from (x, u) and a direction, each [m + inputs], to (x⁺, y) and its derivative in this direction, each
+      [m + outputs].
     """
 
     x: np.ndarray
@@ -212,12 +214,12 @@ class PeriodMap:
     evaluate: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
     def derivative(self) -> np.ndarray:
-        """The Jacobian at x and u = 0, [m + outputs, m + inputs]."""
+        """The Jacobian of (x⁺, y) by (x, u) at the operating point and u = 0, [m + outputs, m + inputs]."""
         here = np.concatenate([self.x, np.zeros(self.inputs)])
         return np.stack([self.evaluate(here, direction)[1] for direction in np.eye(here.size)], axis=1)
 
     def differences(self, steps: np.ndarray) -> np.ndarray:
-        """The Jacobian by central differences of the simulated sample.
+        """The Jacobian as in `derivative`, by central differences.
 
         - `steps`: step along each entry of (x, u) [m + inputs].
         """
@@ -235,7 +237,7 @@ class PeriodMap:
 
 
 def period_map(loop: ClosedLoop, carry: Carry) -> PeriodMap:
-    """Return the map of a sampling period of a loop.
+    """Return the map of a loop over a sampling period, with its learning frozen.
 
     - `carry`: state of the loop before the sample.
     """

@@ -30,19 +30,22 @@ from slidax.simulation.run import Run, columns_of
 Signal = NDArray[np.floating[Any]]
 
 InertiaAndBias = Callable[[Signal, Signal], tuple[Signal, Signal]]
-"""From positions and velocities [samples n] to `M(q)` [samples n n] and `C(q, q̇) q̇ + G(q)` [samples n].
+"""Function from positions and velocities [samples n] to `M(q)` [samples n n] and `C(q, q̇) q̇ + G(q)` [samples n].
 
-In the units of the robot.
+All are in the units of the robot.
 """
 
 
 def inertia_and_bias(robot: AbstractRobot, q: Signal, dq: Signal) -> tuple[Signal, Signal]:
-    """Return `M(q)` and `C(q, q̇) q̇ + G(q)` of an arm at each sample."""
+    """Return `M(q)` [samples n n] and `C(q, q̇) q̇ + G(q)` [samples n] of an arm.
+
+    - `q`, `dq`: positions and velocities [samples n].
+    """
     return compiled_inertia_and_bias(robot)(q, dq)
 
 
 def compiled_inertia_and_bias(robot: AbstractRobot) -> InertiaAndBias:
-    """Compile `inertia_and_bias` for an arm, to use it on several motions."""
+    """Return `inertia_and_bias` of an arm as a compiled function of (q, dq), for use on several motions."""
 
     def at(q: Any, dq: Any) -> Any:
         return robot.mass(q), robot.bias(q, dq)
@@ -69,7 +72,7 @@ def compiled_inertia_and_bias(robot: AbstractRobot) -> InertiaAndBias:
 
 
 def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:
-    """Zero-phase low-pass filter, with a cut-off of at most half the Nyquist frequency.
+    """Return a signal after a zero-phase low-pass filter, with a cut-off of at most half the Nyquist frequency.
 
     - `signal`: sampled values [samples ...].
     - `cutoff`: cut-off frequency [rad/s].
@@ -79,7 +82,7 @@ def low_pass(signal: Signal, cutoff: float, period: float) -> Signal:
 
 
 def band_pass(signal: Signal, band: tuple[float, float], period: float) -> Signal:
-    """Zero-phase band-pass filter, limited to the frequencies that the samples resolve.
+    """Return a signal after a zero-phase band-pass filter, limited to the frequencies that the samples resolve.
 
     - `signal`: sampled values [samples ...].
     - `band`: lower and upper frequency [rad/s].
@@ -89,7 +92,7 @@ def band_pass(signal: Signal, band: tuple[float, float], period: float) -> Signa
 
 
 def resolvable_band(band: tuple[float, float], period: float) -> tuple[float, float]:
-    """The part of a band that the samples resolve well [rad/s].
+    """Return lower and upper frequency of the part of a band that the samples resolve well [rad/s].
 
     - `band`: lower and upper frequency [rad/s].
     - `period`: sampling period [s].
@@ -99,10 +102,10 @@ def resolvable_band(band: tuple[float, float], period: float) -> tuple[float, fl
 
 
 def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Torques at integer times, linearly interpolated at fractional times.
+    """Return the torques at times in periods, interpolated linearly between samples [m n].
 
-    - `tau`: torques [samples n].
-    - `times`: times in periods [m].
+    - `tau`: torque at each sample [samples n].
+    - `times`: times in periods after sample 0, also fractional [m].
     """
     integer = np.floor(times).astype(int)
     fraction = (times - integer)[:, None]
@@ -118,7 +121,7 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
-    """Return each joint's linear loop near its goal; None for a joint with a nonlinear estimator.
+    """Return each joint's closed loop, linearised at zero error; None without a plan or a linear estimator.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """
@@ -134,7 +137,7 @@ def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
 def measured_positions(
     sensor: AbstractSensor | None, q: np.ndarray, dq: np.ndarray, period: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The measured positions at each sample [samples n], and True for samples that arrived [samples].
+    """Return the measured positions at each sample [samples n], and True for samples that arrived [samples].
 
     A simulated log has the true state, but the law received the measurement. The sensor's seed reproduces the noise of
     the run.
@@ -161,10 +164,10 @@ def measured_positions(
 
 
 BEFORE = 0.3
-"""Length of the window before leaving the envelope in which causes are searched [s]."""
+"""Length of the window in which causes are searched, until the run leaves its envelope [s]."""
 
 SLOW = 20.0
-"""Frequency that separates the model error, below, from the loop's own motion, above [rad/s]."""
+"""Cut-off frequency [rad/s]: the model error is below, the loop's own motion above."""
 
 NARROW = 1.05
 """An envelope counts as narrow when its width is at most this multiple of its final width."""
@@ -219,8 +222,10 @@ class RunRecord:
     - `tau`: applied torque [samples n], N m or N.
     - `q_d`, `dq_d`, `ddq_d`: reference positions, velocities and accelerations [samples n].
     - `lower`, `upper`: the envelope [samples n].
-    - `error`: the error that the envelope bounds [samples n].
-    - `signals`: signals of the law by name: `disturbance`, `residual`, and, if the law has them, `u` and `rotor`.
+    - `error`: the position error, which the envelope bounds [samples n].
+    - `signals`: signals of the law by name: `disturbance`, the estimated disturbance as an acceleration, `residual`,
+      the acceleration that the last prediction missed, and, if the law has them, `u`, the robust torque, and `rotor`,
+      the learnt rotor inertias.
     - `names`, `units`: names and position units of the joints.
     """
 
@@ -242,7 +247,7 @@ class RunRecord:
 
     @classmethod
     def of(cls, scenario: Scenario, run: Run) -> RunRecord:
-        """The record of a simulated run.
+        """Return the record of a simulated run.
 
         - `scenario`: the scenario of the run, in sampled-data form and with an envelope.
         - `run`: the run, with every sample in its log.
@@ -256,10 +261,11 @@ class RunRecord:
 
     @classmethod
     def of_columns(cls, scenario: Scenario, columns: Mapping[str, np.ndarray]) -> RunRecord:
-        """The record of a log as flat columns: `t`, `q_1`, ..., `tau_1`, the bounds, and the signals by name.
+        """Return the record of a saved log.
 
         - `scenario`: as in `of`.
-        - `columns`: columns as `slidax run --out` writes them.
+        - `columns`: arrays over the samples by column name, as `slidax run --out` writes them: `t`, `q_1`, `tau_1`,
+          `lower_1` and others, with the number of the joint.
 
         Raises DefinitionError as `of` does, and if a column is missing.
         """
@@ -312,12 +318,12 @@ class RunRecord:
 
     @property
     def nominal(self) -> AbstractRobot:
-        """The arm as the law knows it."""
+        """The nominal arm, which the law uses as its model."""
         return self.law.nominal
 
     @property
     def horizon(self) -> float:
-        """Horizon H [s]; the period for a law without a horizon."""
+        """Horizon H over which the law plans [s]; the period for a law without a plan."""
         return self.period if self.law.horizon is None else float(self.law.horizon)
 
     @cached_property
@@ -333,7 +339,7 @@ class RunRecord:
 
     @cached_property
     def left(self) -> int:
-        """Index of the first sample outside the envelope; of the last sample if all are inside."""
+        """Index of the first sample outside the envelope; index of the last sample if all are inside."""
         out: np.ndarray = self.outside.any(axis=1)
         first = int(np.argmax(out)) if out.any() else len(out) - 1
         return first
@@ -362,7 +368,7 @@ class RunRecord:
 
     @cached_property
     def lumped(self) -> np.ndarray:
-        """`M0 w`, the law's compensation of the lumped disturbance w, by the nominal or learnt inertia [samples n]."""
+        """`M0 w`, the torque for the estimated disturbance w, by nominal or learnt inertia [samples n], N m or N."""
         mass = self.mass_and_bias[0]
         if self.law.adaptation is not None:
             mass = np.asarray(
@@ -372,7 +378,7 @@ class RunRecord:
 
     @cached_property
     def loops(self) -> tuple[LinearLoop | None, ...]:
-        """Each joint's linear loop near its goal, by the law's model; None for a joint with a nonlinear estimator."""
+        """Each joint's closed loop by the law's model, as `joint_loops` returns it."""
         return joint_loops(self.scenario)
 
     @cached_property
@@ -382,12 +388,15 @@ class RunRecord:
 
     @cached_property
     def half_width(self) -> np.ndarray:
-        """Smallest distance of the envelope from zero, on the nearer side, ϑ ρ∞ [n], rad or m."""
+        """Smallest distance of a bound of the envelope from zero error [n], rad or m; `ϑ ρ∞` in docs/loop-rate.md."""
         return np.min(np.minimum(self.upper, -self.lower), axis=0)
 
     @cached_property
     def missed(self) -> np.ndarray:
-        """w̄ of the loop-rate rule, the largest estimation error while the envelope is narrow [n], rad/s² or m/s²."""
+        """Largest error of the disturbance estimate while the envelope is narrow [n], rad/s² or m/s².
+
+        It is w̄ of docs/loop-rate.md.
+        """
         d = float(self.law.believed_delay)
         missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["disturbance"], axis=0))
         narrow = self.narrow[1:]
@@ -395,7 +404,11 @@ class RunRecord:
 
     @cached_property
     def unexplained(self) -> np.ndarray:
-        """Torque that the model lacks, `τ̄ - M0 a - C0 q̇ - G0` below the loop's band [samples n], N m or N."""
+        """Torque that the nominal arm does not explain, `τ̄ - M0 a - C0 q̇ - G0` [samples n], N m or N.
+
+        τ̄ is the mean torque over two periods, a the measured acceleration. A low-pass filter removes the loop's own
+        motion.
+        """
         a = np.zeros_like(self.q)
         a[1:-1] = np.diff(self.q, 2, axis=0) / self.period**2
         mass, bias = self.mass_and_bias

@@ -17,7 +17,7 @@ from .metrics import envelope_margin, peak_torque, steady_error, tolerance_margi
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """The verdict of a run.
+    """The verdict of a run, as sentences for a terminal or a report.
 
     - `good`: True if the run reached its end inside its envelope and inside its tolerance band, if it has them.
     - `sentence`: the verdict, with the joint nearest to its bound among the logged samples.
@@ -30,7 +30,7 @@ class RunVerdict:
 
 
 def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
-    """Return the verdict of a single finished `run` of a `scenario`."""
+    """Return the verdict of a finished `run` of a `scenario`; the run must not be a batch."""
     outcome = run.outcome
     facts = tuple(_facts(scenario, run))
     if not outcome.ok:
@@ -57,7 +57,7 @@ def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
 
 
 def bound_shares(run: Run) -> np.ndarray:
-    """Error over its bound at each logged sample [k, n]: 1 is the envelope's edge.
+    """Return the error relative to the bound on its side, at each logged sample [samples n]; 1 is the envelope's edge.
 
     - `run`: run with a log, of a scheme with an envelope.
     """

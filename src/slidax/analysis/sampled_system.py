@@ -51,7 +51,7 @@ class SampledSystem:
         return float(np.abs(self.eigenvalues[0])) if self.a.size else 0.0
 
     def select(self, inputs: str | list[str], outputs: str | list[str]) -> SampledSystem:
-        """The system with a selection of its inputs and outputs.
+        """Return the system with only some of its inputs and outputs.
 
         - `inputs`, `outputs`: a group, such as `torque`, an entry, such as `torque[joint 1]`, or a list of these.
 
@@ -87,7 +87,7 @@ class SampledSystem:
     def step_response(self, duration: float) -> tuple[Array, Array]:
         """Times [k], s, and the response to a unit step of each input, [k outputs inputs].
 
-        - `duration`: [s].
+        - `duration`: length of the response [s].
         """
         steps = max(1, round(duration / self.period))
         x = np.zeros_like(self.b)
@@ -130,7 +130,7 @@ def connected_states(a: Array, b: Array, c: Array) -> NDArray[np.intp]:
 
     Others, such as clocks and constants, are left out.
 
-    - `a`, `b`, `c`: the matrices.
+    - `a`, `b`, `c`: matrices of `x⁺ = A x + B u`, `y = C x`.
     """
     links = np.abs(a) > 0
     reached = (np.abs(b) > 0).any(axis=1)
@@ -160,7 +160,7 @@ class Margins:
 
     L is the loop gain and S = 1/(1 + L) the sensitivity.
 
-    - `where`: the point.
+    - `where`: name of the point and the joint, such as `torque[joint 1]`.
     - `gain_up`, `gain_down`: gain margins, the factors of the gain at which the loop becomes unstable.
     - `phase`: phase margin, degrees.
     - `delay`: delay margin, the smallest additional delay at which the loop becomes unstable [s].
@@ -210,9 +210,10 @@ def frequencies(period: float) -> Array:
 
 
 def margins_of(closed: SampledSystem, where: str) -> Margins:
-    """Margins of a stable loop at a point.
+    """Return the margins of a stable loop at a point.
 
-    - `closed`: the closed loop at this point, `-L/(1 + L)`, with a single input and output.
+    - `closed`: the closed loop at this point, `-L/(1 + L)` with the loop gain L; a single input and output.
+    - `where`: name of the point, for the result.
     """
 
     def gain_at(omega: float) -> complex:
@@ -251,11 +252,12 @@ def margins_of(closed: SampledSystem, where: str) -> Margins:
 
 
 def simultaneous_margins(closed: SampledSystem) -> tuple[float, float, float]:
-    """Disk margin for simultaneous changes in all channels, peak singular value of S, and its frequency [rad/s].
+    """Disk margin for simultaneous changes in all channels, peak of the sensitivity S, and its frequency [rad/s].
 
-    Each channel may have a different factor. The disk margin is a lower bound, from the largest singular value.
+    Each channel may have a different factor. The disk margin is a lower bound, from a largest singular value. The peak
+    is the largest singular value of `S = (1 + L)⁻¹`, with the loop gain L.
 
-    - `closed`: the closed loop at a point, with as many inputs as outputs.
+    - `closed`: the closed loop at a point, `-L (1 + L)⁻¹`, with as many inputs as outputs.
     """
     omega = frequencies(closed.period)
     eye = np.eye(len(closed.outputs))

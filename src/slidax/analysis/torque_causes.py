@@ -22,7 +22,7 @@ REACHED = 0.999
 """A torque of at least this share of its limit counts as saturated."""
 
 TORQUE_SPARE = 1.15
-"""Factor on the motion's torque that leaves room for feedback."""
+"""Smallest proposed torque limit over the torque that the motion needs; it leaves room for feedback."""
 
 
 class TorqueCause(AbstractCause):
@@ -114,11 +114,14 @@ def _rate_remedies(record: RunRecord) -> list[Remedy]:
 
 
 COVER_SPARE = 1.5
-"""Factor on the largest unexplained torque for a new bound u."""
+"""Least proposed robust torque u over the largest unexplained torque."""
 
 
 class RobustTorqueCause(AbstractCause):
-    """The law limits its compensation to `‖M0 w‖ <= u`, and w is at this limit when the run leaves its envelope."""
+    """The robust torque u limits the law's compensation when the run leaves its envelope.
+
+    The compensation is `M0 w` for the estimated disturbance w, with `‖M0 w‖ <= u`.
+    """
 
     name: ClassVar[str] = "robust_torque"
 
@@ -135,8 +138,8 @@ class RobustTorqueCause(AbstractCause):
         if lacks <= covers:
             return None
         evidence = (
-            f"u limits the compensation in {percent(share)} of the samples just before the run left its envelope: the "
-            f"model error is up to {lacks:.3g} N m, but u covers {covers:.3g} N m"
+            f"the robust torque u limits the compensation in {percent(share)} of the samples just before the run left "
+            f"its envelope: the model error is up to {lacks:.3g} N m, but u covers {covers:.3g} N m"
         )
         return Finding(
             name=self.name,
@@ -248,7 +251,7 @@ class PayloadCause(AbstractCause):
 
 
 Torque = Callable[[Signal, Signal, Signal], Signal]
-"""From q, q̇ and q̈ [samples n] to the torque of an arm [samples n]."""
+"""Function from q, q̇ and q̈ [samples n] to the torque of an arm [samples n]."""
 
 
 def estimate_payload(record: RunRecord, nominal: Articulated) -> PayloadEstimate:
@@ -346,7 +349,7 @@ HANGS, GRAVITY = 0.9, 9.81
 """Cosine between a force and gravity above which the force counts as a weight; gravity [m/s²]."""
 
 CARRIED = 0.9
-"""Cosine between a force and the tip's deceleration above which the force may be a payload's inertia."""
+"""Cosine between a force and the tip's deceleration above which the force may be that of a payload's inertia."""
 
 RARE = 4.0
 """Least ratio of a sudden torque change to the usual change."""

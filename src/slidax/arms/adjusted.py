@@ -30,7 +30,7 @@ from .articulated import (
 )
 
 PAYLOAD = 10
-"""Parameters of a rigid body: mass, mass times centre (x, y, z), inertia about the origin (xx, yy, zz, xy, xz, yz)."""
+"""Number of a rigid body's parameters: mass, mass times centre, inertia about the origin (xx, yy, zz, xy, xz, yz)."""
 
 
 class Adjusted(AbstractRobot):
@@ -51,7 +51,7 @@ class Adjusted(AbstractRobot):
 
     @classmethod
     def of(cls, nominal: Articulated, factors: Vector, body: Float[Array, "10"]) -> Adjusted:
-        """Return the nominal arm with changed links and an added body."""
+        """Return the nominal arm with changed links and an added body; arguments as the fields."""
         return cls(
             joint_units=nominal.joint_units,
             joint_names=nominal.joint_names,
@@ -107,10 +107,15 @@ def _bias(arm: Adjusted, bodies: Bodies, moved: JointAxes, dq: Vector) -> Vector
 
 
 class Regressor(NamedTuple):
-    """Derivatives of an arm's torques and inertia by the 10 parameters of a body at the tip, and by n link factors.
+    """Derivatives of an arm's torques and inertia with respect to 10 + n parameters.
 
-    - `torque`: derivative of each joint's torque by each parameter [n 10+n]; without rotors and friction.
-    - `inertia`: derivative of each diagonal entry of M by each parameter [n 10+n].
+    First come the 10 inertial parameters of a body added at the tip, then n factors; factor i scales the mass and
+    inertia of link i.
+
+    - `torque`: derivative of each joint's torque [n 10+n].
+    - `inertia`: derivative of each diagonal entry of M [n 10+n].
+
+    Rotor inertia and friction do not depend on these parameters.
     """
 
     torque: Float[Array, "n p"]
@@ -120,10 +125,10 @@ class Regressor(NamedTuple):
 # With jit, it is traced once and becomes a function in exported C.
 @jax.jit
 def inertial_regressor(arm: Articulated, q: Vector, dq: Vector, ddq: Vector) -> Regressor:
-    """Return `∂τ/∂π` and `∂M_ii/∂π` for the body at the tip and for each link (Atkeson, An and Hollerbach 1986).
+    """Return the derivatives of an arm's inverse dynamics and inertia (Atkeson, An and Hollerbach 1986).
 
-    - `arm`: n joints. The sum of the link columns is the arm's own inverse dynamics without rotors.
-    - `q`, `dq`, `ddq`: motion [n].
+    - `arm`: n joints. The link columns of `torque` add up to the arm's inverse dynamics without rotors and friction.
+    - `q`, `dq`, `ddq`: positions, velocities and accelerations at which the torques are computed [n].
     """
     at = arm.joint_frames(q)
     axes, links = joint_axes(at, arm.revolute), about_base_origin(arm.bodies(), at)
@@ -154,7 +159,7 @@ def inertial_regressor(arm: Articulated, q: Vector, dq: Vector, ddq: Vector) -> 
 
 
 def _power(axes: JointAxes, force: Float[Array, "3 k"], torque: Float[Array, "3 k"]) -> Float[Array, "n k"]:
-    """Return the torque of each joint under each of k wrenches."""
+    """Return the torque of each joint for each of k wrenches at the frame's origin."""
     return jnp.sum(axes.angular[:, :, None] * torque[:, None] + axes.linear[:, :, None] * force[:, None], axis=0)
 
 

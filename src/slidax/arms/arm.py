@@ -19,7 +19,7 @@ from slidax.core.types import Matrix, Scalar, State, Vector
 
 
 class AbstractRobot(AbstractPart):
-    """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, eq. (10) with joint friction F.
+    """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, eq. (10) of the paper with joint friction F.
 
     A subclass defines `mass`, `bias`, `friction`, `potential` and `tip`.
 
@@ -88,7 +88,7 @@ class AbstractRobot(AbstractPart):
 
 
 class JointLimits(AbstractPart):
-    """Limits of each joint; infinite if there is none or it is unknown."""
+    """Limits of each joint; infinite for a missing or unknown limit."""
 
     lower: Vector = parameter("least positions", "rad or m", "[-inf, inf)")
     upper: Vector = parameter("largest positions", "rad or m", "(lower, inf]")
@@ -137,7 +137,7 @@ class Payload(AbstractPart):
         return Payload(mass=share * self.mass, center=self.center, inertia=share * self.inertia)
 
     def joined(self, other: Payload) -> Payload:
-        """Return this and another payload, in the same frame, as one body."""
+        """Return a single payload equal to this and another one together; both are in the same frame."""
         mass = self.mass + other.mass
         share = other.mass / jnp.where(mass > 0, mass, 1.0)
         between = other.center - self.center

@@ -20,14 +20,14 @@ from slidax.core.types import Matrix, Scalar, Vector
 from .arm import AbstractRobot, JointLimits, Payload
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Stored entries of a symmetric 3 x 3 matrix."""
+"""Row and column of each stored entry of a symmetric 3 x 3 matrix."""
 
 INDICES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
 """Index into `PAIRS` for each entry of the matrix."""
 
 
 class Bodies(NamedTuple):
-    """Inertia of each link about an origin; values of rigidly connected bodies add up.
+    """Mass properties of each link about an origin; those of rigidly connected bodies add up.
 
     - `mass`: [n], kg.
     - `moment`: mass times centre [3 n], kg m.
@@ -47,7 +47,7 @@ class JointFrames(NamedTuple):
 
 
 class JointAxes(NamedTuple):
-    """Velocity of each link for a unit velocity of its joint.
+    """Velocity of each link for a unit velocity of its joint, in the base frame.
 
     - `angular`: [3 n]; 0 for a prismatic joint.
     - `linear`: velocity of the link's point at the base's origin [3 n].
@@ -106,13 +106,17 @@ def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
 
 
 def joint_axes(at: JointFrames, revolute: Sequence[bool]) -> JointAxes:
-    """Return the velocity of each link for a unit velocity of its joint."""
+    """Return the velocity of each link for a unit velocity of its joint.
+
+    - `at`: the joints' frames in the base frame.
+    - `revolute`: True for a revolute joint, False for a prismatic one.
+    """
     z, is_revolute = at.rotation[:, 2], np.asarray(revolute)
     return JointAxes(angular=jnp.where(is_revolute, z, 0.0), linear=jnp.where(is_revolute, cross(at.position, z), z))
 
 
 def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
-    """Transform the links' inertia from each joint's frame to the base frame and its origin."""
+    """Transform the links' mass properties from their joints' frames `at` to the base frame and its origin."""
     r, p, m = at.rotation, at.position, bodies.mass
     h = jnp.sum(r * bodies.moment[None], axis=1)
     full = bodies.inertia[np.asarray(INDICES)]
@@ -129,10 +133,12 @@ def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
 def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matrix:
     """Return `M`, [n n], by the composite-rigid-body algorithm: `M_ij = S_i · I_j S_j` if joint i carries joint j.
 
-    I_j is the inertia of all links that joint j moves.
+    S_i is the velocity of link i for a unit velocity of its joint, and I_j the inertia of all links that joint j moves.
+    The rotors' armature is not included.
 
     - `bodies`: links about the base's origin.
-    - `s`: velocity of each link for a unit velocity of its joint.
+    - `s`: the velocities S_i.
+    - `parents`: index of each joint's parent, -1 for the base.
     """
     carried = Bodies(*(_sum_over_descendants(part, parents) for part in barrier(bodies)))
     force, torque = barrier(momentum(carried, s.linear, s.angular))
@@ -149,6 +155,8 @@ def bias_forces(bodies: Bodies, s: JointAxes, parents: Sequence[int], dq: Vector
 
     - `bodies`: links about the base's origin.
     - `s`: velocity of each link for a unit velocity of its joint.
+    - `parents`: index of each joint's parent, -1 for the base.
+    - `dq`: joint velocities [n].
     - `gravity`: acceleration [3], m/s².
     """
     v, w, av, aw = motion_of_links(s, parents, dq, None, gravity)
@@ -163,9 +171,13 @@ def bias_forces(bodies: Bodies, s: JointAxes, parents: Sequence[int], dq: Vector
 def motion_of_links(
     s: JointAxes, parents: Sequence[int], dq: Vector, ddq: Vector | None, gravity: Float[Array, "3"]
 ) -> tuple[Array, Array, Array, Array]:
-    """Return velocity and acceleration of each link at the base's origin: v, w, v̇, ẇ, [3 n] each.
+    """Return linear and angular velocity and acceleration of each link: v, w, v̇, ẇ, [3 n] each.
+
+    v is the velocity of the link's point at the base's origin.
 
     - `s`: velocity of each link for a unit velocity of its joint.
+    - `parents`: index of each joint's parent, -1 for the base.
+    - `dq`: joint velocities [n].
     - `ddq`: joint accelerations [n]; None for 0.
     - `gravity`: acceleration [3], m/s²; the base accelerates upwards, so that weight needs no term of its own.
     """
@@ -183,7 +195,10 @@ def cross(a: Float[Array, "3 ..."], b: Float[Array, "3 ..."]) -> Float[Array, "3
 
 
 def momentum(bodies: Bodies, linear: Any, angular: Any) -> tuple[Any, Any]:
-    """Return linear and angular momentum about the base's origin, [3 n] each."""
+    """Return linear and angular momentum of each link about the base's origin, [3 n] each.
+
+    - `linear`, `angular`: velocity of each link's point at the base's origin, and its angular velocity [3 n].
+    """
     full = bodies.inertia[np.asarray(INDICES)]
     momentum = bodies.mass * linear + cross(angular, bodies.moment)
     return momentum, jnp.sum(full * angular[None], axis=1) + cross(bodies.moment, linear)
@@ -207,7 +222,10 @@ def _sum_over_descendants(own: Float[Array, "... n"], parents: Sequence[int]) ->
 
 
 def ancestry(parents: Sequence[int]) -> np.ndarray:
-    """Return a matrix [n n], True where joint i is joint j or one of its ancestors."""
+    """Return a matrix [n n], True at (i, j) if joint i is joint j or one of its ancestors.
+
+    - `parents`: index of each joint's parent, -1 for the base.
+    """
     carries = np.eye(len(parents), dtype=bool)
     for i, parent in enumerate(parents):
         if parent >= 0:
@@ -272,7 +290,7 @@ class Articulated(AbstractRobot):
             raise DefinitionError(f"`parents` of {self.name} must be earlier joints or -1; got {self.parents}")
 
     def with_zero(self, offset: Vector) -> Articulated:
-        """Return the arm in encoder positions with an offset: at `q` it has the posture of this arm at `q + offset`.
+        """Return the arm with shifted zero positions: at `q` it has the posture of this arm at `q + offset`.
 
         - `offset`: true positions minus those of the encoders [n], rad or m.
         """
@@ -323,11 +341,11 @@ class Articulated(AbstractRobot):
         return tuple(unit == "rad" for unit in self.joint_units)
 
     def joint_frames(self, q: Vector) -> JointFrames:
-        """Return the joint frames in a posture."""
+        """Return the joint frames in the base frame at positions q [n]."""
         return _frames(self.rotations, self.translations, q, self.parents, self.revolute)
 
     def bodies(self) -> Bodies:
-        """Return the inertia of each link about its joint's origin; the link with the tip includes the payload."""
+        """Return each link's mass properties about its joint's origin; the link with the tip includes the payload."""
         links = _about_the_origin(self.masses, self.centers, self.inertias)
         r, load = self.tip_rotation, self.payload
         center = self.tip_translation + jnp.sum(r * load.center[None], axis=1)

@@ -19,7 +19,7 @@ from .rotations import rotation_about
 POSTURES = 3
 
 LEAST = 1e-12
-"""Least eigenvalue of M, scaled to a diagonal of 1, that counts as regular; rounding alone leaves about 1e-16."""
+"""Least eigenvalue of a regular M that is scaled to a diagonal of 1; rounding of a singular one leaves about 1e-16."""
 
 
 def require_regular_inertia(arm: Articulated) -> None:

@@ -46,7 +46,7 @@ def built_in_names() -> tuple[str, ...]:
 
 
 def built_in_title(name: str) -> str:
-    """Return an arm's title: "Franka Emika Panda, 7 joints"."""
+    """Return a built-in arm's title, such as "Franka Emika Panda, 7 joints"."""
     # Parsing the whole file would take a hundred times as long.
     text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
     (title,) = re.findall(r"^title: (.+)$", text, re.MULTILINE)
@@ -54,7 +54,7 @@ def built_in_title(name: str) -> str:
 
 
 def built_in_arm(name: str) -> BuiltInArm:
-    """Return a built-in arm by its name.
+    """Return a built-in arm by its name, such as `panda`.
 
     Raises DefinitionError for an unknown name.
     """
@@ -111,25 +111,25 @@ def _joint(entry: dict[str, Any]) -> Joint:
 
 
 def gen3() -> Articulated:
-    """Kinova Gen3, 7 joints, to the flange."""
+    """Return the Kinova Gen3, 7 joints, with the tip at its flange."""
     return built_in_arm("gen3").robot
 
 
 def iiwa14() -> Articulated:
-    """KUKA LBR iiwa 14 R820, 7 joints, to the flange."""
+    """Return the KUKA LBR iiwa 14 R820, 7 joints, with the tip at its flange."""
     return built_in_arm("iiwa14").robot
 
 
 def panda() -> Articulated:
-    """Franka Emika Panda, 7 joints, to the flange."""
+    """Return the Franka Emika Panda, 7 joints, with the tip at its flange."""
     return built_in_arm("panda").robot
 
 
 def ur5e() -> Articulated:
-    """Universal Robots UR5e, 6 joints, to the flange."""
+    """Return the Universal Robots UR5e, 6 joints, with the tip at its flange."""
     return built_in_arm("ur5e").robot
 
 
 def xarm7() -> Articulated:
-    """UFactory xArm7, 7 joints, to the flange."""
+    """Return the UFactory xArm7, 7 joints, with the tip at its flange."""
     return built_in_arm("xarm7").robot

@@ -218,7 +218,7 @@ def numbers(owner: str, value: object, size: int) -> Array:
 
 
 def unit_quaternion(owner: str, value: object) -> Array:
-    """Normalise a quaternion w, x, y, z [4].
+    """Return a quaternion w, x, y, z, normalised to length 1 [4].
 
     - `owner`: name of the field, for the message.
 

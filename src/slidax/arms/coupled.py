@@ -19,9 +19,9 @@ from .articulated import Articulated
 class Coupled(AbstractRobot):
     """An arm in which some joints follow others: `q_a = S q + s₀`, where q are the leaders' positions.
 
-    S is constant with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. So `M =
-    Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of all joints at `S q + s₀`, `S q̇`. Torques act on
-    the leaders; followers have no drives.
+    S is constant with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. M_a, C_a,
+    G_a and F_a belong to `arm`, whose joints are all independent. So `M = Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are
+    `Sᵀ` times those of `arm` at `S q + s₀`, `S q̇`. Torques act on the leaders; followers have no drives.
 
     `from_urdf` returns one for a file with `<mimic>`; `couple` derives one from an articulated arm.
     """

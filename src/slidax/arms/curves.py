@@ -22,17 +22,20 @@ def constant(value: Array, orders: int) -> Series:
 
 
 def sum_series(*terms: Series) -> Series:
-    """Return the sum of series with the same number of coefficients."""
+    """Return the sum of Taylor series with the same number of coefficients."""
     return [_sum([term[k] for term in terms]) for k in range(len(terms[0]))]
 
 
 def scale_series(series: Series, factor: Any) -> Series:
-    """Return a series times a constant number or array."""
+    """Return a Taylor series times a constant number or array."""
     return [None if coefficient is None else factor * coefficient for coefficient in series]
 
 
 def product(a: Series, b: Series, bilinear: Callable[[Any, Any], Any] = np.multiply) -> Series:
-    """Return the product of two series, by a bilinear product of their coefficients."""
+    """Return the product of two Taylor series, truncated to the coefficients of `a`.
+
+    - `bilinear`: product of two coefficients, such as `cross` for vectors.
+    """
     coefficients: Series = []
     for k in range(len(a)):
         parts = [(a[i], b[k - i]) for i in range(k + 1)]
@@ -41,7 +44,7 @@ def product(a: Series, b: Series, bilinear: Callable[[Any, Any], Any] = np.multi
 
 
 def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
-    """Return cosine and sine of an angle [rad], a series with at most three coefficients."""
+    """Return cosine and sine of an angle [rad], a Taylor series with at most three coefficients."""
     c, s = np.cos(angle[0]), np.sin(angle[0])
     first, second = (*angle[1:], None, None)[:2]
     cosine: Series = [c, None if first is None else -s * first]
@@ -53,7 +56,7 @@ def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
 
 
 def inverse_root(series: Series) -> Series:
-    """Return `x^(-1/2)` of a series x > 0 with at most three coefficients."""
+    """Return `x^(-1/2)` of a Taylor series x > 0 with at most three coefficients."""
     x = series[0]
     root = x**-0.5
     first, second = (*series[1:], None, None)[:2]
@@ -120,7 +123,9 @@ class AbstractCurve:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Helix(AbstractCurve):
-    """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, rotated by `R(b, s ψ) R_0`: a line, an arc or a screw.
+    """`p(s) = c + R(a, s φ) (p_0 - c) + s d`, with the axes `R(b, s ψ) R_0`: a line, an arc or a screw.
+
+    s is the curve parameter in [0, 1], and R(a, x) the rotation about a by the angle x.
 
     - `rotation`, `position`: R_0 [3 3] and p_0 [3], m.
     - `shift`: d [3], m.

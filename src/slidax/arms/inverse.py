@@ -39,7 +39,7 @@ SEED, DRAWN = 0, 8
 
 @dataclass(frozen=True, eq=False)
 class PoseTask:
-    """Minimise `½ Σ ((q - q_0)/w)²` over the postures with the tool at its target.
+    """Inverse kinematics as an optimisation: minimise `½ Σ ((q - q_0)/w)²` with the tool at its target.
 
     A barrier, whose slope is 0 at q_0, keeps a redundant arm's joints inside their limits. The posture is therefore a
     smooth function of the tool's pose: a closed path of the tool gives a closed path of the joints.
@@ -48,8 +48,8 @@ class PoseTask:
     - `posture`: q_0 [n], rad or m.
     - `widths`: w [n], half of each joint's range; 1 for a joint without limits.
     - `lower`, `upper`: joint limits [n]; infinite for an arm that is not redundant.
-    - `damping`: the tool's error is `damping²` times the force on the tool, to bound the force near a singularity; 0
-      for no error.
+    - `damping`: allows a tool error of `damping²` times the force on the tool, its Lagrange multiplier, which bounds
+      the force near a singularity; 0 for no error.
     """
 
     chain: KinematicChain
@@ -61,9 +61,12 @@ class PoseTask:
     damping: float = 0.0
 
     def residual(self, q: Series, force: Series, aim: TargetPose) -> Series:
-        """Return the residual of the optimality conditions: the gradient of the Lagrangian, and the tool's error.
+        """Return the residual of the optimality conditions, a Taylor series [... n+m].
 
-        - `q`, `force`: posture and forces on the tool, Taylor series [... n], [... m]; m is the number of coordinates.
+        Its first n entries are the gradient of the Lagrangian, the other m the tool's error.
+
+        - `q`, `force`: posture and forces on the tool, Taylor series [... n], [... m]; m counts the
+          prescribed coordinates.
         - `aim`: the target pose.
         """
         tool = self.chain.tool(q)
@@ -72,7 +75,7 @@ class PoseTask:
         return [_concatenate(a, b, q[0], force[0]) for a, b in zip(gradient, error, strict=True)]
 
     def error(self, tool: PlacedTool, aim: TargetPose) -> Series:
-        """Return the error of the prescribed coordinates, a Taylor series: position in m, small angles in rad."""
+        """Return the tool's error in the prescribed coordinates, a Taylor series: position [m], small angles [rad]."""
         position = sum_series(tool.position, scale_series(aim.position, -1.0))
         if self.hold == "place":
             return position
@@ -138,9 +141,9 @@ class PoseTask:
 
 
 class LinearisedTask(NamedTuple):
-    """Residual at k points of a curve [k n+m], with its derivatives by z [k n+m n+m] and by s [k n+m].
+    """Residual of a `PoseTask` at k points of a curve [k n+m], with derivatives by z [k n+m n+m] and by s [k n+m].
 
-    z has the n joint positions and the m forces on the tool.
+    z has the n joint positions and the m forces on the tool; s is the curve parameter.
     """
 
     residual: Array
@@ -149,7 +152,7 @@ class LinearisedTask(NamedTuple):
 
 
 def linearise_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> LinearisedTask:
-    """Return the residual and its derivatives at points of a curve.
+    """Return the residual of a task and its derivatives at points of a curve.
 
     - `z`: postures and forces [k n+m].
     - `s`: curve parameters [k].
@@ -167,7 +170,11 @@ def linearise_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> 
 
 
 def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: Array) -> Array:
-    """Return the residual's second derivative along the curve, where z has the slope `along` [k n+m]."""
+    """Return the second derivative of a task's residual by the curve parameter [k n+m].
+
+    - `z`, `s`: as in `linearise_task`.
+    - `along`: derivative of z by s [k n+m].
+    """
     n = task.posture.size
     aim = curve.aim([s, np.ones_like(s), None])
     *_, second = task.residual([z[:, :n], along[:, :n], None], [z[:, n:], along[:, n:], None], aim)
@@ -175,14 +182,19 @@ def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: A
 
 
 def tool_errors(task: PoseTask, curve: AbstractCurve, q: Array, s: Array) -> tuple[Array, Array]:
-    """Return the tool's errors at postures q [k n], in m and rad, [k] each; the angle is 0 for the hold "place"."""
+    """Return the tool's position and angle errors at postures q [k n], m and rad, [k] each.
+
+    The angle is 0 if only the position is prescribed.
+
+    - `s`: curve parameters of the targets [k].
+    """
     return pose_error(*task.chain.frame(q), *curve.at(s), task.hold)
 
 
 def pose_error(
     rotation: Array, position: Array, other_rotation: Array, other_position: Array, hold: HeldCoordinates
 ) -> tuple[Array, Array]:
-    """Return the distance between two poses, m and rad, in the prescribed coordinates.
+    """Return distance and angle between two poses in the prescribed coordinates, m and rad, [...] each.
 
     - `rotation`, `position`: first pose [... 3 3], [... 3].
     - `other_rotation`, `other_position`: second pose.
@@ -453,7 +465,10 @@ def _refine(task: PoseTask, pose: Pose, q: Array) -> Array:
 
 
 def move_to_posture(task: PoseTask, pose: Pose, q: Array, preferred: Array) -> Array | None:
-    """Move the preferred posture from q to `preferred` in steps; return posture and forces at the pose, or None."""
+    """Move the preferred posture from q to `preferred` in steps, with the tool at the pose.
+
+    Return the resulting posture and forces [n+m]; None if a step does not converge.
+    """
     z = np.concatenate([q, np.zeros(HOLDS[task.hold])])
     curve, at = constant_pose(pose.rotation, pose.position), np.zeros(1)
     done, step = 0.0, 1.0 if (preferred == q).all() else 0.25

@@ -75,7 +75,7 @@ class Mismatch(AbstractPart):
     load: TimedPayload | None = piece("payload at the tip, with its times; None for no payload", default=None)
 
     def applied(self, nominal: Arm) -> Arm:
-        """Return the true arm, without the payload `load`.
+        """Return the true arm for a nominal one, without the payload `load`, which comes and goes.
 
         Raises DefinitionError if a list has another length than the number of joints, including followers.
         """

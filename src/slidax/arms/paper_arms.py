@@ -126,7 +126,7 @@ class TwoLink(AbstractRobot):
         return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)
 
     def rigid_links(self) -> Articulated:
-        """Return the same arm as a chain of rigid links, I1 and I2 as rotors."""
+        """Return the same arm as an `Articulated` chain of rigid links, with I1 and I2 as rotor inertias."""
         l1, l2 = self.lengths
         places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0]])
         centers = jnp.array([[l1, 0.0, 0.0], [l2, 0.0, 0.0]])
@@ -193,7 +193,7 @@ class Scara(AbstractRobot):
         return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)
 
     def rigid_links(self) -> Articulated:
-        """Return the same arm as a chain of rigid links."""
+        """Return the same arm as an `Articulated` chain of rigid links."""
         l1, l2 = self.lengths
         turns = jnp.array([jnp.eye(3), jnp.eye(3), jnp.diag(jnp.array([1.0, -1.0, -1.0]))])
         places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0], [l2, 0.0, 0.0]])

@@ -14,7 +14,10 @@ Body = Float[Array, "10"]
 
 
 def pseudo_inertia(body: Body) -> Float[Array, "4 4"]:
-    """Return `[[tr(I)/2 1 - I, h], [hᵀ, m]]` (Wensing, Kim and Slotine, RA-L 2018)."""
+    """Return a body's pseudo-inertia `[[tr(I)/2 1 - I, h], [hᵀ, m]]` (Wensing, Kim and Slotine, RA-L 2018).
+
+    m is the mass, h the mass times centre, and I the inertia about the origin.
+    """
     m, (x, y, z), (xx, yy, zz, xy, xz, yz) = body[0], body[1:4], body[4:]
     half = 0.5 * (xx + yy + zz)
     entries = [[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y], [-xz, -yz, half - zz, z], [x, y, z, m]]
@@ -22,7 +25,7 @@ def pseudo_inertia(body: Body) -> Float[Array, "4 4"]:
 
 
 def body_of(matrix: Float[Array, "4 4"]) -> Body:
-    """Return the parameters of the body with a pseudo-inertia."""
+    """Return the 10 parameters of the body that has this pseudo-inertia."""
     trace = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
     moments = [trace - matrix[i, i] for i in range(3)]
     products = [-matrix[0, 1], -matrix[0, 2], -matrix[1, 2]]
@@ -30,14 +33,17 @@ def body_of(matrix: Float[Array, "4 4"]) -> Body:
 
 
 def nearest_body(body: Body, least: float) -> Body:
-    """Return the nearest body whose pseudo-inertia has no eigenvalue below `least`, in the Frobenius norm."""
+    """Return the body nearest to `body` whose pseudo-inertia has no eigenvalue below `least`.
+
+    The distance is the Frobenius norm of the change of the pseudo-inertia.
+    """
     values, vectors = eigen(pseudo_inertia(body))
     kept = jnp.maximum(values, least)
     return body_of(jnp.sum(vectors[:, None, :] * vectors[None, :, :] * kept, axis=2))
 
 
 def least_eigenvalue(body: Body) -> tuple[Float[Array, ""], Body]:
-    """Return the least eigenvalue of the pseudo-inertia, and its derivative by the body's parameters."""
+    """Return the least eigenvalue of a body's pseudo-inertia, and its derivative by the 10 parameters [10]."""
     values, vectors = eigen(pseudo_inertia(body))
     at = jnp.argmin(values)
     x, y, z, w = vectors[:, at]

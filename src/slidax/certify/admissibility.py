@@ -27,17 +27,18 @@ READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
 
 @certificate(NAME, TITLE, covers=(*ARM, INERTIAL_PATH, "sensor", "actuator"), reads=READS)
 def admissibility(scenario: Scenario) -> Verdict:
-    """Check the ranges of (20) and (29)-(47), `bρ(0) < e(0) < b̄ρ(0)` for each start, and the motion's limits.
+    """Check the parameters' ranges, that each start is inside the envelope, and the motion's positions and speeds.
 
-    A scenario cannot be built with a parameter outside its own range. This certificate checks the parameters together
-    with the arm, its motion and its uncertainty.
+    The ranges are those of the paper's (20) and (29)-(47), and the envelope is `bρ(0) < e(0) < b̄ρ(0)` (12). A scenario
+    cannot be built with a parameter outside its own range. This certificate checks the parameters together with the
+    arm, its motion and its uncertainty.
     """
     start, inside = _start(scenario)
     assumptions = [*_parameters(scenario), *inside, *_limits(scenario), _torque(scenario)]
     failing = [line.text for line in assumptions if line.status == "fails"]
     holds = not failing
     if holds:
-        statement = "All parameters are in their ranges, (20) and (29)-(47)"
+        statement = "All parameters are in their ranges, the paper's (20) and (29)-(47)"
         if start is not None:
             statement += f", and the start uses {100 * max(start.share):.3g} % of the envelope (12)"
         statement += "."
@@ -105,7 +106,7 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
 
 
 def _parameters(scenario: Scenario) -> list[Assumption]:
-    assumptions = [Assumption("each parameter is in the range of its equation, (20), (29)-(47)", "proved")]
+    assumptions = [Assumption("each parameter is in the range of the paper's equation, (20), (29)-(47)", "proved")]
     law = scenario.controller
     printed = surface_law(scenario)
     if isinstance(law, SlidingMode) and printed is not None and getattr(printed.reaching, "gain", None) is not None:
@@ -117,7 +118,10 @@ def _parameters(scenario: Scenario) -> list[Assumption]:
 
 
 def _limits(scenario: Scenario) -> list[Assumption]:
-    """Check positions and speeds of the reference. Between samples, acceleration and jerk bound their change."""
+    """Return the assumptions that positions and speeds of the reference are within the arm's limits.
+
+    Between samples, acceleration and jerk bound their change.
+    """
     assumptions = []
     plant = scenario.plant
     robot = getattr(plant, "own", plant).robot

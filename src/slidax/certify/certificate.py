@@ -127,8 +127,10 @@ WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
 class Certificate(Generic[Options]):
     """A certificate, called like the function that computes its verdict: `admissibility(scenario)`.
 
-    It does not apply to a scenario with an uncertain path that it does not cover.
+    It does not apply to a scenario with an uncertain path that it does not cover. Paths are dotted paths of the
+    scenario file, such as `robot.plant.load`.
 
+    - `name`, `title`: its name in `certify`, and the short form of the guarantee.
     - `judge`: computes the verdict; its docstring states the guarantee.
     - `covers`: paths whose uncertainty it covers, with all paths below them; also paths that do not affect the verdict.
     - `reads`: paths that the verdict depends on, with all paths below them; None if it may depend on any.
@@ -144,7 +146,7 @@ class Certificate(Generic[Options]):
         object.__setattr__(self, "__doc__", self.judge.__doc__)
 
     def __call__(self, scenario: Scenario, *args: Options.args, **kwargs: Options.kwargs) -> Verdict:
-        """Return the verdict.
+        """Return the verdict; further arguments are those of `judge`, such as another uncertainty set.
 
         Raises DefinitionError if JAX computes with 32 bits, or the scenario is invalid.
         """
@@ -200,5 +202,8 @@ def _below(path: str, root: str) -> bool:
 def certificate(
     name: str, title: str, *, covers: tuple[str, ...], reads: tuple[str, ...] | None = None
 ) -> Callable[[Callable[Concatenate[Scenario, Options], Verdict]], Certificate[Options]]:
-    """Decorate a function that computes a verdict, so that it becomes a `Certificate`."""
+    """Return a decorator that makes a `Certificate` of a function that computes a verdict.
+
+    - `name`, `title`, `covers`, `reads`: fields of the certificate.
+    """
     return lambda judge: Certificate(name, title, judge, covers, reads)

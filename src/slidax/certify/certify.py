@@ -30,7 +30,7 @@ def _demand(scenario: Scenario) -> Demand:
 
 
 def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
-    """Return the certificate with the scenario's demand, which is computed once for all certificates."""
+    """Return the certificate with the scenario's `Demand` as its argument; it is computed once for all certificates."""
 
     @wraps(certificate.judge)
     def judge(scenario: Scenario) -> Verdict:

@@ -31,16 +31,18 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 @dataclass(eq=False)
 class BatchedFunction:
-    """A function that is evaluated for each row. Native code is preferred, as XLA takes ten times as long to compile.
+    """A function that is compiled and then evaluated for many arguments at once.
 
-    - `function`: function from arrays to an array, or a tuple of them.
+    Native code is preferred, as XLA takes ten times as long to compile.
+
+    - `function`: JAX function from arrays to an array, or a tuple of them.
     """
 
     function: Callable[..., Any]
     _compiled: Callable[..., list[Any]] | None = field(default=None, init=False)
 
     def __call__(self, *rows: Any) -> list[Floats]:
-        """Return the outputs; rows are the first axis of arguments and outputs."""
+        """Return the function's outputs for each row; the first axis of all arguments and outputs is the row."""
         arrays = [np.ascontiguousarray(row, float) for row in rows]
         if self._compiled is None:
             self._compiled = _native(self.function, arrays) or _by_xla(self.function)
@@ -113,12 +115,12 @@ class SampledReference:
         return plant if isinstance(plant, Plant) else plant.own
 
     def of_arm(self, robot: AbstractRobot) -> tuple[Floats, Floats]:
-        """Return `M` [times n n] and `C q̇ + G` [times n] of an arm along the motion."""
+        """Return the inertia matrix M [times n n] and the torque `C q̇ + G` [times n] of an arm along the motion."""
         return inertia_and_bias(robot, *self.states[:2])
 
     @cached_property
     def truth(self) -> tuple[Floats, Floats]:
-        """`M` [times n n] and `C q̇ + G + F` [times n] of the true arm with its payload along the motion."""
+        """M [times n n], and `C q̇ + G + F` with friction F [times n], of the true arm and its payload on the motion."""
         mass, bias = self.of_arm(self.plant.robot)
         load = self.plant.load
         if load is not None:
@@ -136,7 +138,7 @@ class SampledReference:
 
 
 def has_envelope(scenario: Scenario) -> bool:
-    """Return True if the law has an envelope."""
+    """Return True if the scenario's law has an envelope of the tracking error."""
     law = scenario.controller
     return eqx.filter_eval_shape(lambda: _envelope_at_rest(scenario, law.joints)) is not None
 
@@ -170,14 +172,20 @@ def _envelope_at_rest(scenario: Scenario, joints: int) -> Any:
 
 
 def surface_law(scenario: Scenario) -> Any | None:
-    """Return the object with transformation, surface, reaching law and bound; None for a law without them."""
+    """Return the part of the scenario's law that has the transformation, surface, reaching law and torque bound.
+
+    It is the law itself, or the `step` of a law in sampled-data form; None for a law without them.
+    """
     law = scenario.controller
     inner = law.step if isinstance(law, SampledData) else law
     return inner if isinstance(law, SlidingMode) or hasattr(inner, "transformation") else None
 
 
 def envelope_width(scenario: Scenario, t: Floats) -> Floats | None:
-    """Return the larger side of the envelope at times [times n], rad or m; None for a scheme without an envelope."""
+    """Return the larger side of the envelope at times `t` [times n], rad or m; None for a scheme without an envelope.
+
+    - `t`: [times], s.
+    """
     law, start = scenario.controller, scenario.state0
     zero = jnp.zeros(())
     memory = law.init(zero, start, scenario.trajectory.reference(zero))

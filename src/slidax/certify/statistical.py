@@ -30,7 +30,9 @@ The first case is the worst random run; the others are from the search.
 
 
 def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99) -> Verdict:
-    """Bound the rate p at which runs of the set leave the envelope, by the exact interval of Clopper and Pearson.
+    """Bound the probability p that a run of the set leaves the envelope, by the exact interval of Clopper and Pearson.
+
+    - `runs`: number n of random runs. `seed`: their seed. `confidence`: c of the bound.
 
     With k of n runs outside and confidence c, `Pr(X <= k | p = upper) = 1 - c`; for k = 0 `upper = 1 - (1-c)^(1/n)`.
     A search (CMA-ES, then quasi-Newton steps) minimises the margin with as many further runs. Its result is not a
@@ -44,7 +46,10 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 def statistical_with_cases(
     scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99
 ) -> tuple[Verdict, dict[str, Any]]:
-    """Return the verdict of `statistical`, and the values of its worst cases by path, worst first, at most `KEPT`."""
+    """Return the verdict of `statistical`, and its worst cases: at most `KEPT`, worst first.
+
+    The cases are an array of uncertain values for each dotted path of the scenario, whose first axis is the case.
+    """
     if runs < 1:
         return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs were requested"), {}
     family = family_of(scenario)

@@ -17,7 +17,10 @@ from .sampled_scenario import Floats
 
 
 def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
-    """Return the least and the largest value that each number of a set can have."""
+    """Return the least and the largest value that each number of a set can have, each in the shape of the value.
+
+    - `uncertainty`: the set, as in the block `uncertainty` of a scenario. `leaf`: the value that it replaces.
+    """
     if isinstance(uncertainty, Ball):
         own = leaf.own_value("ball")
         return own - uncertainty.ball, own + uncertainty.ball
@@ -31,7 +34,7 @@ def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats
     For a choice, return each of its values instead. In every set but a ball and a choice, each number increases with
     one coordinate.
 
-    - `uncertainty`: any set except a ball.
+    - `uncertainty`: any set except a ball. `leaf`: the value that it replaces.
     - `shares`: from 0 to 1 [K]; not used for a choice.
     """
     if isinstance(uncertainty, Discrete) and uncertainty.choice != "any":
@@ -140,10 +143,15 @@ class UncertainValue:
 def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[UncertainValue]:
     """Return the axes of a box that contains a set, or one axis if the set is a line.
 
+    - `path`: dotted path of the value in the scenario. `uncertainty`: its set. `leaf`: the value that it replaces.
+
     Raises DefinitionError for integers.
     """
     if leaf.integer:
-        raise DefinitionError("no certificate covers an uncertain integer of the arm or its disturbance", where=path)
+        raise DefinitionError(
+            "no certificate covers an uncertain integer of the arm or its disturbance: leave it out of `uncertainty`",
+            where=path,
+        )
     lower, upper = (np.asarray(end, float) for end in set_ends(uncertainty, leaf))
     if not isinstance(uncertainty, Ball):
         drawn = np.asarray(values_along(uncertainty, leaf, SHARES), float)

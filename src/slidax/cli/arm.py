@@ -95,7 +95,7 @@ def excite(
     share: Annotated[float, typer.Option(help="Largest share of the arm's limits that the motion uses.")] = 0.8,
     acceleration: Annotated[
         float | None,
-        typer.Option(help="Largest acceleration [rad/s²]; default: three times the largest velocity per second."),
+        typer.Option(help="Acceleration limit [rad/s²]; default: 3/s times the velocity limit."),
     ] = None,
     payload: Annotated[float, typer.Option(help="Largest payload [kg] that the torque limits must allow.")] = 0.0,
     links: Annotated[bool, typer.Option("--links", help="Excite the links' inertial parameters, too.")] = False,

@@ -65,7 +65,9 @@ Locked = Annotated[
 def named_arm(
     robot: str, tip: str | None, inertias: str | None, locked: list[str] | None, gravity: str | None
 ) -> tuple[Any, dict[str, Any]]:
-    """Return the arm from the options `robot`, `tip`, `inertias`, `locked` and `gravity`, and its description.
+    """Return the arm that a command's options select, and its description as under `robot` in a scenario.
+
+    - `robot`, `tip`, `inertias`, `locked`, `gravity`: values of the options.
 
     Raises DefinitionError if there is no such arm, or an option does not fit it.
     """
@@ -81,7 +83,9 @@ def named_arm(
 
 
 def numbers(option: str, text: str) -> list[float]:
-    """Parse the comma-separated numbers in the `text` of an `option`.
+    """Return the comma-separated numbers in the `text` of an option.
+
+    - `option`: the option, such as "--gravity", for the message.
 
     Raises DefinitionError if one is not a number.
     """
@@ -96,7 +100,9 @@ def numbers(option: str, text: str) -> list[float]:
 
 
 def positions(option: str, texts: list[str]) -> dict[str, float]:
-    """Parse joint positions in the `texts` of an `option`, each of the form JOINT=POSITION.
+    """Return joint positions [rad or m] by joint name, from `texts` of the form JOINT=POSITION.
+
+    - `option`: the option, such as "--locked", for the message.
 
     Raises DefinitionError for another form, or if a joint has two positions.
     """
@@ -194,7 +200,7 @@ def _say(message: str) -> None:
 
 
 def say(text: str, *, err: bool = False, margin: str = "", hang: int = 0) -> None:
-    """Print a `text`, wrapped by words to the terminal's width; a pipe gets it as one line.
+    """Print a `text`, wrapped by words to the terminal's width; without a terminal, on one line.
 
     - `err`: True for standard error.
     - `margin`: before each line.
@@ -241,7 +247,7 @@ def say_note(message: str) -> None:
 
 
 class _Warnings:
-    """Prints each warning as one line, without its file and line number."""
+    """Shows each warning of Python as one line, without its file and line number."""
 
     def __init__(self) -> None:
         self._cache_reported = False
@@ -302,7 +308,7 @@ def stage_bar() -> Iterator[Callable[[str, int], None]]:
 
 
 def parse_changes(changes: list[str]) -> dict[str, Any]:
-    """Return the values of `--set` by path, from `changes` of the form PATH=VALUE.
+    """Return the values of `--set` by dotted path, from `changes` of the form PATH=VALUE.
 
     Raises DefinitionError for another form.
     """

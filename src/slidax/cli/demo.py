@@ -76,7 +76,7 @@ def demo(
 
 
 def _play(console: Console, still: bool) -> dict[str, Rival]:
-    """Simulate and draw each law."""
+    """Simulate and draw each law; return the runs by the law's title."""
     from rich.live import Live
 
     with console.status("starting JAX"):

@@ -87,7 +87,11 @@ def admit(
         ),
     ] = None,
     assume_steps: Annotated[
-        bool, typer.Option("--assume-steps", help="Also admit if only the feedback may reach the torque rate limit.")
+        bool,
+        typer.Option(
+            "--assume-steps",
+            help="Also admit a motion if only its feedback torque might reach the torque rate limit.",
+        ),
     ] = False,
     slow_down: Annotated[
         bool,
@@ -98,11 +102,11 @@ def admit(
     changes: Changes = None,
     json: AsJson = False,
 ) -> None:
-    """Decide if motions are inside the guarantee of a law: for all arms of its uncertainty, without a run.
+    """Decide if motions are inside a law's guarantee: for all arms of its uncertainty set, without a simulation.
 
     The output has for each motion the bound of every joint's error, and the term that dominates this bound. For a
     refused motion it also has the reason, and the smallest slow-down with which the motion is admitted. For all
-    admitted motions together, it has a setting of the law's monitor that no arm of the uncertainty set exceeds.
+    admitted motions together, it has a setting with which the law's monitor raises no alarm on any arm of the set.
 
     Exit code 0: all are admitted; 4: at least one is refused; 2: the law has no such guarantee, or a file is invalid.
     """
@@ -215,7 +219,7 @@ def _write(result: DesignResult, out: Path, json: bool) -> None:
     say(f"Designed, {proof}. The error is within {final} from {result.choice.deadline:g} s on.")
     say(
         f"Steady error {result.worst.error:.2g} {length}, torque step {result.worst.step:.2g} {torque}, in the worst "
-        "common case."
+        "of the cases in which all candidate designs were simulated."
     )
     say(result.check.statement)
     if result.speeds:

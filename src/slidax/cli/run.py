@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from slidax.simulation.run import Run
 
 SECONDS = 20.0
-"""Time for testing remedies after a run that left its envelope [s]."""
+"""Time limit for testing remedies after a run that left its envelope [s]."""
 
 STARTED = time.perf_counter()
 
@@ -50,7 +50,9 @@ def run(
     ] = None,
     engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
-    recording: Annotated[Path | None, typer.Option("--record", metavar="FILE.html", help="Write a replay.")] = None,
+    recording: Annotated[
+        Path | None, typer.Option("--record", metavar="FILE.html", help="Write a replay in three dimensions as a page.")
+    ] = None,
 ) -> None:
     """Simulate a closed loop, and report its metrics as a table, as JSON, or as a page.
 
@@ -260,7 +262,7 @@ def compare(
     Each scheme replaces the scenario's own as with `slidax run --set scheme.name=NAME`; then each `--set` applies to
     all. For a scheme without an envelope, samples outside the scenario's envelope are counted.
 
-    Exit code 0: at least one run reached its end; 2: the request is invalid; 3: none reached its end.
+    Exit code 0: at least one run reached its end inside its envelope; 2: the request is invalid; 3: none did.
     """
     with errors_as_lines():
         prepare()
@@ -286,7 +288,7 @@ def compare(
             if out is not None:
                 say_where(out)
         if not any(rival.run.outcome.ok for rival in rivals.values()):
-            typer.echo("none of the runs reached its end", err=True)
+            typer.echo("none of the runs reached its end inside its envelope", err=True)
             raise typer.Exit(OUTCOME)
 
 
@@ -346,7 +348,9 @@ def loop(
     patience: Annotated[int, typer.Option(help="Number of ticks without a command until the arm brakes.", min=1)] = 20,
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve live data to Foxglove on this machine.")] = False,
     port: Annotated[int, typer.Option(help="Port of the Foxglove server.", min=1, max=65535)] = PORT,
-    histogram: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Draw the latencies.")] = None,
+    histogram: Annotated[
+        Path | None, typer.Option(metavar="FILE.svg", help="Write a histogram of the latencies.")
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Run the exported step in real time: law and arm in two processes on the same clock, and a third for the log.
@@ -393,7 +397,10 @@ def loop(
 
 
 def _with_simulator(parts: Scenario, by: Any) -> Scenario:
-    """Return the scenario with this simulator of the arm; `auto` is MuJoCo if possible."""
+    """Return the scenario with another simulator of the arm.
+
+    - `by`: "own", "mujoco", or "auto" for MuJoCo if possible.
+    """
     from importlib.util import find_spec
 
     from slidax.arms.articulated import Articulated

@@ -211,12 +211,12 @@ class Lines:
         pass
 
     def begin(self, rows: int) -> None:
-        """Set the number of `rows`."""
+        """Set the total number of `rows` of the study."""
         self._total = rows
         self._print()
 
     def advance(self, rows: int) -> None:
-        """Count `rows` that are finished."""
+        """Add a number of finished `rows`."""
         self._rows += rows
         if time.perf_counter() - self._printed >= 1.0 or self._rows >= self._total:
             self._print()
@@ -257,12 +257,12 @@ class Bar:
         self.close()
 
     def begin(self, rows: int) -> None:
-        """Set the number of `rows`."""
+        """Set the total number of `rows` of the study."""
         self._bar.update(self._task, total=rows)
         self._started = time.perf_counter()
 
     def advance(self, rows: int) -> None:
-        """Count `rows` that are finished."""
+        """Add a number of finished `rows`."""
         self._rows += rows
         rate = self._rows / max(time.perf_counter() - self._started, 1e-6)
         self._bar.update(self._task, advance=rows, description="simulating", rate=f"{rate:.0f} runs/s")

@@ -38,8 +38,9 @@ WIDTH = 9
 
 
 def run_as_json(parts: Scenario, finished: Run, import_s: float) -> dict[str, Any]:
-    """Return the output of `slidax run --json` for the run `finished` of the scenario `parts`.
+    """Return the output of `slidax run --json`.
 
+    - `parts`, `finished`: the scenario and its run.
     - `import_s`: start-up time [s].
     """
     outcome = finished.outcome
@@ -119,7 +120,7 @@ def print_comparison(rivals: Mapping[str, Rival]) -> None:
 
     A narrow terminal gets several tables with some of the schemes each.
 
-    - `rivals`: runs by scheme.
+    - `rivals`: the runs, by name of the scheme.
     """
     from slidax.report.comparison import comparison_verdict, standings
 
@@ -178,7 +179,7 @@ def _cell(value: float | None, best: bool = False) -> Text:
 
 
 def digits_of(value: float, digits: int = 4) -> str:
-    """Return a number with so many significant `digits`, without an exponent up to 10 million."""
+    """Return a number as text with so many significant `digits`; numbers from 1 to 10 million have no exponent."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e7 else text
 
@@ -217,7 +218,7 @@ def _written(cell: str | float | int | None) -> str:
 
 
 def print_certificates(certificates: Certificates, *, every: bool = False) -> None:
-    """Print the verdict on all `certificates`, then the statement of each that applies, with failures and remedies.
+    """Print the verdict on all `certificates`, then each that applies: its statement, failed assumptions and remedies.
 
     - `every`: True for all assumptions, and the reasons of certificates that do not apply.
     """
@@ -266,7 +267,12 @@ def certificates_verdict(certificates: Certificates) -> Text:
 def print_admissions(
     law: CertifiedLaw, admissions: Sequence[MotionAdmission], monitor: dict[str, list[float]] | None
 ) -> None:
-    """Print if a certified `law` admits each motion, or why not, with the error bound; then the `monitor` setting."""
+    """Print for each motion if it is admitted or why not, and its error bound; then the monitor's setting.
+
+    - `law`: the certified law, for the joints' names and units.
+    - `admissions`: the decisions.
+    - `monitor`: result of `monitor_setting`; None if no motion is admitted.
+    """
     console = Console(markup=False, highlight=False)
     for answer in admissions:
         grade = f" (grade {answer.verdict.grade})" if answer.admitted else ""
@@ -292,7 +298,7 @@ def print_admissions(
 
 
 def print_speeds(rows: Sequence[SpeedRow]) -> None:
-    """Print a table of the certified errors of motions in a workspace, by their speed."""
+    """Print a table of error bounds: each row is for the same random motions in a workspace at another speed."""
     console = Console(markup=False, highlight=False)
     motions = count_noun(rows[0].motions, "motion")
     console.print(f"Bound along {motions} from rest to rest between random postures, the worst joint of each:")
@@ -306,7 +312,11 @@ def print_speeds(rows: Sequence[SpeedRow]) -> None:
 
 
 def print_loop(parts: Scenario, result: LoopResult) -> None:
-    """Print latencies, missed ticks and the margin to the envelope of a real-time `result` of the scenario `parts`."""
+    """Print latencies, missed ticks and the margin to the envelope.
+
+    - `parts`: the scenario.
+    - `result`: result of its real-time loop.
+    """
     console = Console(markup=False, highlight=False)
     _say(console, parts.description.title, style="bold")
     table = Table(box=None, pad_edge=False)

@@ -24,11 +24,11 @@ INSIDE, OUTSIDE, BOUND = "bright_blue", "bright_red", "bright_black"
 
 
 def funnel(console: Console, run: Run, envelope_run: Run, share: float) -> Table:
-    """Return plots of all joints' errors side by side, each error between its bounds.
+    """Return a table with one text plot per joint, side by side: the error over time, between its bounds.
 
     The scale is linear near zero, within the final bounds, and logarithmic farther out.
 
-    - `console`: the console, for its width and encoding.
+    - `console`: the console that prints the table, for its width and encoding.
     - `run`: the run to draw, with every sample logged.
     - `envelope_run`: run whose envelope is drawn, with every sample logged.
     - `share`: share of the run's time to draw, 0 to 1.

@@ -1,4 +1,4 @@
-"""Build programs without duplicate or unused values."""
+"""Build programs of the intermediate representation (IR), without duplicate or unused values."""
 
 from __future__ import annotations
 
@@ -94,12 +94,12 @@ LARGEST_CODE = 400_000
 
 
 class Builder:
-    """Builder of one program.
+    """Builder of one IR program.
 
     An operation that already exists in the same region or a surrounding one is reused. A value is placed outside a loop
     if none of its arguments changes inside. No value is moved out of a branch, since it may be expensive.
 
-    - `origin`: origin of every value built from now on.
+    - `origin`: source location that is recorded for every value built from now on.
     """
 
     def __init__(self) -> None:
@@ -112,7 +112,7 @@ class Builder:
     # ---- values -----------------------------------------------------------------------------------------------------
 
     def constant(self, number: Number, type: Type) -> Value:
-        """Return a constant, from a Python or NumPy number."""
+        """Return a Python or NumPy number as a constant IR value."""
         if type in FLOATS:
             number = float(np.float32(number)) if type == "f32" else float(number)
             key: Any = number.hex()
@@ -122,7 +122,7 @@ class Builder:
         return self._known(self.program.body, ("const", type, key), "const", type, (), number)
 
     def input(self, name: str, type: Type, shape: tuple[int, ...], *, varying: bool = False) -> Values:
-        """Add an input, and return the array of its elements.
+        """Add an input to the program, and return its elements as an array of IR values.
 
         - `varying`: true if each run of a batch has its own values.
         """
@@ -134,11 +134,11 @@ class Builder:
         return array.reshape(shape)
 
     def output(self, name: str, type: Type, values: Values) -> None:
-        """Add an output with these elements."""
+        """Add an output to the program; its shape and elements are those of an array of IR values."""
         self.program.outputs.append(Output(name, type, values.shape, tuple(values.ravel())))
 
     def logged(self, name: str, type: Type, shape: tuple[int, ...]) -> int:
-        """Add an output that `store` writes row by row, and return its number.
+        """Add an output that is a log, which `store` writes row by row; return its number among the outputs.
 
         - `shape`: shape of one row.
         """
@@ -146,18 +146,19 @@ class Builder:
         return len(self.program.outputs) - 1
 
     def store(self, output: int, row: Value, when: Value, values: Values) -> None:
-        """Write one row of a logged output.
+        """Add an operation that writes one row of a log.
 
         - `output`: number of the output, from `logged`.
         - `row`: number of the row, i64.
-        - `when`: b1; nothing is written where it is false.
+        - `when`: truth value (b1); nothing is written where it is false.
+        - `values`: elements of the row, as IR values.
         """
         self._new(self.region, "store", "none", (row, when, *values.ravel()), output)
 
     # ---- operations -------------------------------------------------------------------------------------------------
 
     def apply(self, op: str, *args: Value, type: Type | None = None, data: Any = None) -> Value:
-        """Return the simplified value of an operation.
+        """Return the result of an operation as an IR value: simplified, equal to an existing one, or newly added.
 
         - `op`, `args`, `data`: as in `Value`.
         - `type`: type of the result; None: that of the last argument, or b1 for comparisons.
@@ -180,10 +181,10 @@ class Builder:
         body: Callable[[tuple[Value, ...]], Sequence[Value]],
         iterations: Value | None = None,
     ) -> list[Value]:
-        """Add `while condition(carried): carried = body(carried)`, and return the carried values after it.
+        """Add the loop `while condition(carried): carried = body(carried)`; return the carried values after it.
 
         - `carried`: initial values.
-        - `condition`: function from the carried values to a b1.
+        - `condition`: function from the carried values to a truth value (b1).
         - `body`: function from the carried values to their successors, of the same types.
         - `iterations`: number of iterations if known; the first carried value must then count them from 0.
         """
@@ -205,10 +206,10 @@ class Builder:
     def branch(
         self, when: Value, then: Callable[[], Sequence[Value]], otherwise: Callable[[], Sequence[Value]]
     ) -> list[Value]:
-        """Add `then()` where `when` is true, else `otherwise()`, and return the values; only one side is computed.
+        """Add the choice `then() if when else otherwise()`; return its values. A program computes only the chosen side.
 
-        - `when`: b1.
-        - `then`, `otherwise`: return values, as many and of the same types.
+        - `when`: truth value (b1).
+        - `then`, `otherwise`: add the operations of a side; both return equally many values, of the same types.
         """
         known = when.data if when.op == "const" else self._decided(when)
         if known is not None:
@@ -227,9 +228,9 @@ class Builder:
         return [yes if yes is no else result for yes, no, result in zip(block.yes, block.no, results, strict=True)]
 
     def call(self, program: Program, args: Sequence[Value]) -> list[Value]:
-        """Return the elements of a function's outputs, one output after the other.
+        """Add the call of a function, or reuse an equal call; return the outputs' elements, one output after the other.
 
-        - `program`: the function, without logged outputs.
+        - `program`: the function, without logs.
         - `args`: elements of its inputs, one input after the other.
         """
         region = self._region_for(tuple(args))
@@ -248,7 +249,7 @@ class Builder:
         return [self._new(region, "result", type, (call,), k) for k, type in enumerate(types)]
 
     def finish(self) -> Program:
-        """Return the program. Values, carried values and results that no output or store needs are removed."""
+        """Remove all values that no output and no log needs, and return the program."""
         _drop(self.program.body, _needed_values(self.program))
         return self.program
 
@@ -273,7 +274,8 @@ class Builder:
             self._operations += 1
         if self._count >= LARGEST or self._operations > LARGEST_CODE:
             raise NotImplementedError(
-                f"programs of more than {LARGEST_CODE} operations or {LARGEST} values; each element of an array counts"
+                f"programs of more than {LARGEST_CODE} operations or {LARGEST} values; each element of an array "
+                "counts: use smaller arrays, or simulate with the engine `xla`"
             )
         value = Value(op, type, args, data, region, self._next(), self.origin)
         region.values.append(value)
@@ -319,4 +321,7 @@ class Builder:
 
 def _require_types(before: Sequence[Value], after: Sequence[Value]) -> None:
     if [value.type for value in before] != [value.type for value in after]:
-        raise TypeError(f"{[v.type for v in before]} became {[v.type for v in after]}")
+        raise TypeError(
+            f"types {[v.type for v in before]} became {[v.type for v in after]}: an iteration must not change the "
+            "types of carried values, and both sides of a branch must return the same types"
+        )

@@ -26,7 +26,7 @@ OPTIONS = ("--std=c++17", "--fmad=false")
 
 
 def cuda_code(program: Program, *, real: Real = "double") -> str:
-    """Generate `run_all(inputs..., outputs..., runs)`, in which each thread computes one run.
+    """Return the CUDA source of a kernel `run_all(inputs..., outputs..., runs)`; each thread computes one run.
 
     The arrays of a batch are stored element by element, `x[element * runs + run]`, and a row of a log as
     `y[(row * size + element) * runs + run]`: neighbouring threads access neighbouring addresses. Inputs that do not
@@ -101,12 +101,12 @@ def _factor(text: int | str) -> str:
 
 
 def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> Arrays:
-    """Arrange inputs as the kernel reads them.
+    """Return inputs in the kernel's layout: [elements runs] if they vary between runs, else [elements].
 
     - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
     - `real`: the type of f64 on the GPU.
 
-    Raises DefinitionError if an input has another shape or dtype.
+    Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
     """
     arrays = []
     for array, entry in zip(checked_inputs(program, inputs, runs), program.inputs, strict=True):
@@ -116,9 +116,9 @@ def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) 
 
 
 def unpack_outputs(program: Program, outputs: Arrays) -> Arrays:
-    """Arrange the kernel's outputs with runs first and rows second, in the program's dtypes.
+    """Return the kernel's outputs in the program's shapes and dtypes: first axis runs, second axis rows of a log.
 
-    - `outputs`: arrays [rows elements runs], with one row if they are not logged.
+    - `outputs`: arrays [rows elements runs]; one row for an output that is not a log, which gets no axis for rows.
     """
     results = []
     for array, entry in zip(outputs, program.outputs, strict=True):
@@ -129,7 +129,7 @@ def unpack_outputs(program: Program, outputs: Arrays) -> Arrays:
 
 
 def dtype_on_card(type: Type, real: Real) -> Any:
-    """NumPy dtype on the GPU of a type in the program, where `real` is the type of f64 on the GPU."""
+    """Return the NumPy dtype that stores an IR type on the GPU, where `real` is the C type of f64."""
     return np.float32 if type in FLOATS and real == "float" else DTYPES[type]
 
 
@@ -153,9 +153,9 @@ class CudaKernel:
 
         - `inputs`: inputs in the program's shapes and dtypes; those that vary have a first axis for the runs.
         - `runs`: number of runs, > 0.
-        - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
+        - `rows`: number of rows of each log, its second axis; rows that are not written are 0.
 
-        Raises DefinitionError if an input has another shape or dtype.
+        Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
         """
         cp = self._cupy
         arguments = [cp.asarray(array) for array in pack_inputs(self.program, inputs, runs, self.real)]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .builder import Builder
 
 Rule = Callable[["Builder", Type, tuple[Value, ...]], Value | None]
-"""Map a builder, and type and arguments of an operation, to a simpler value; None if there is none."""
+"""Map a builder, an operation's result type and its arguments to a simpler equal value; None if there is none."""
 
 # Without exp, log and other elementary functions, whose last digits in NumPy differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {
@@ -44,7 +44,11 @@ _EQUAL_GIVES = {"eq": True, "le": True, "ge": True, "ne": False, "lt": False, "g
 
 
 def fold_operation(builder: Builder, op: str, type: Type, args: tuple[Value, ...]) -> Value | None:
-    """Return a simpler value that equals the operation, or None if there is none."""
+    """Return a simpler IR value that equals the result of an operation, or None if there is none.
+
+    - `op`, `args`: operation and operands.
+    - `type`: type of the result.
+    """
     if op == "select" and args[0].op == "const":
         return args[1] if args[0].data else args[2]
     if args and all(arg.op == "const" for arg in args):
@@ -92,7 +96,10 @@ def _shift(op: str, type: Type, number: int, distance: int) -> Number:
 
 
 def convert_number(number: Number, source: Type, target: Type) -> Number:
-    """Return a Python number converted from one IR type to another."""
+    """Return a Python number converted from the IR type `source` to `target`, as generated code does it.
+
+    From floats to integers it saturates, and NaN becomes 0. Between integers it wraps around.
+    """
     if target == "b1":
         return bool(number)
     if target in FLOATS:

@@ -1,4 +1,4 @@
-"""Intermediate representation: scalar operations in static single assignment, loops and branches as blocks."""
+"""Intermediate representation (IR) of programs: scalar operations in static single assignment, loops and branches."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ELEMENTARY = (
 """Functions without a CPU instruction: printed as calls, or first expanded into basic operations."""
 
 BLOCKS = frozenset({"loop", "branch"})
-"""Operations that contain regions."""
+"""Operations that contain other operations, in regions."""
 
 PLACED = frozenset({"const", "input", "param", "result"})
 """Operations that need no computation, because their value exists already."""
@@ -48,11 +48,12 @@ Number = float | int | bool
 
 @dataclass(slots=True, eq=False)
 class Region:
-    """A list of values that are computed one after the other.
+    """A list of IR values that are computed one after the other: a program, a part of a loop, or a side of a branch.
 
-    - `kind`: "program", "head" or "body" of a loop, or "branch" for a side of a branch, which may be skipped.
+    - `kind`: "program" for the outermost region, "head" for a loop's condition, "body" for the rest of the loop,
+      "branch" for a side of a branch.
     - `parent`: surrounding region; None for the outermost.
-    - `owner`: the block that contains it; None for the outermost.
+    - `owner`: the loop or branch that contains it; None for the outermost.
     - `values`: values in order of computation.
     - `known`: values by operation and arguments; the builder uses them to avoid duplicates.
     """
@@ -64,7 +65,7 @@ class Region:
     known: dict[Any, Value] = field(default_factory=dict)
 
     def within(self, other: Region) -> bool:
-        """True if this region is the other one or inside it."""
+        """True if this region is `other`, or lies inside it."""
         region: Region | None = self
         while region is not None:
             if region is other:
@@ -85,7 +86,7 @@ class Value:
       most operations.
     - `region`: region in which it is computed.
     - `number`: unique, increasing in the order of construction.
-    - `origin`: source location, as the tracer records it.
+    - `origin`: location in the Python source, as the tracer records it; None if it is not recorded.
     """
 
     op: str
@@ -101,15 +102,16 @@ class Value:
 
 
 class Loop(Value):
-    """`while condition: carried = following`; `args` are the initial carried values.
+    """The loop `while condition: carried = following`. Carried values pass from one iteration to the next.
 
-    - `head`: region of the condition and of `params`.
+    - `args`: initial carried values.
+    - `head`: region that computes the condition and defines `params`.
     - `params`: carried values at the start of an iteration.
     - `condition`: b1; true if another iteration follows.
     - `body`: a region inside the head.
     - `following`: carried values for the next iteration.
-    - `iterations`: number of iterations, if known and equal for all runs; `params[0]` then counts them from 0.
-      Otherwise None.
+    - `iterations`: number of iterations, if known and equal for all runs of a batch; `params[0]` then counts them from
+      0. Otherwise None.
     """
 
     __slots__ = ("body", "condition", "following", "head", "iterations", "params")
@@ -122,10 +124,10 @@ class Loop(Value):
 
 
 class Branch(Value):
-    """`yes if args[0] else no`; only one side is computed.
+    """The choice `yes if args[0] else no`; only the chosen side is computed.
 
     - `then`, `otherwise`: regions of the sides.
-    - `yes`, `no`: values that each side returns.
+    - `yes`, `no`: values that `then` and `otherwise` return.
     """
 
     __slots__ = ("no", "otherwise", "then", "yes")
@@ -136,10 +138,10 @@ class Branch(Value):
 
 
 class Call(Value):
-    """A call of a function, a separate program that many calls share.
+    """A call of a function, which is a separate program that many calls share.
 
-    - `program`: the function, without logged outputs. The call's `args` are the elements of its inputs, one input after
-      the other, and its results the elements of its outputs likewise.
+    - `program`: the function, without logs. The call's `args` are the elements of its inputs, one input after the
+      other, and its results the elements of its outputs likewise.
     """
 
     __slots__ = ("program",)
@@ -166,10 +168,10 @@ class Input:
 
 @dataclass
 class Output:
-    """Array that a program writes.
+    """Array that a program writes: once at its end, or row by row as a log.
 
-    - `shape`: shape of the array, or of one row if it is logged.
-    - `values`: elements in C order; None if it is logged, which means that `store` writes it row by row.
+    - `shape`: shape of the array, or of one row of a log.
+    - `values`: elements in C order; None for a log, whose rows are written by the operation `store`.
     """
 
     name: str
@@ -179,17 +181,18 @@ class Output:
 
     @property
     def size(self) -> int:
-        """Number of elements, in one row if it is logged."""
+        """Number of elements; for a log, of one row."""
         return math.prod(self.shape)
 
 
 @dataclass
 class Program:
-    """A pure function of arrays.
+    """A pure function of arrays, in the intermediate representation.
 
-    - `body`: outermost region.
-    - `name`: name of the function in the source, or empty.
-    - `arrays`: values that the source computes as one array, in C order, for generated code with arrays.
+    - `body`: outermost region, with all operations.
+    - `name`: name of the function in the Python source, or empty.
+    - `arrays`: groups of values that the Python source computes as one array, each in C order; generated C can store
+      such a group in an array.
     """
 
     inputs: list[Input] = field(default_factory=list)
@@ -199,17 +202,17 @@ class Program:
     arrays: list[tuple[Value, ...]] = field(default_factory=list)
 
     def walk(self) -> Iterator[Value]:
-        """Iterate over all values, a block before its contents."""
+        """Iterate over all IR values; a loop or branch comes before the values inside it."""
         yield from walk(self.body)
 
 
 def checked_inputs(program: Program, inputs: Sequence[Any], runs: int | None) -> list[np.ndarray]:
-    """Return inputs as arrays of the right shapes and dtypes.
+    """Check the inputs of a program, and return them as NumPy arrays.
 
     - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
     - `runs`: number of runs; None for a single run, whose inputs do not have that axis.
 
-    Raises DefinitionError if an input has another shape or dtype.
+    Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
     """
     if len(inputs) != len(program.inputs):
         raise DefinitionError(f"the program has {len(program.inputs)} inputs; got {len(inputs)}")
@@ -236,7 +239,7 @@ def functions(program: Program) -> list[Program]:
 
 
 def walk(region: Region) -> Iterator[Value]:
-    """Iterate over all values of a region and of the regions inside it, a block before its contents."""
+    """Iterate over all IR values of a region, also inside its loops and branches, which come before their contents."""
     for value in region.values:
         yield value
         if value.op in BLOCKS:
@@ -245,7 +248,7 @@ def walk(region: Region) -> Iterator[Value]:
 
 
 def regions(value: Value) -> tuple[Region, ...]:
-    """Return the regions of a block, none for other values. A loop's body is inside its head."""
+    """Return the regions of a loop (head and body) or of a branch (both sides); for other values, an empty tuple."""
     if isinstance(value, Loop):
         return (value.head, value.body)
     if isinstance(value, Branch):
@@ -254,7 +257,7 @@ def regions(value: Value) -> tuple[Region, ...]:
 
 
 def uses(value: Value) -> tuple[Value, ...]:
-    """Return all values that a value needs: its arguments, and the values that its regions return."""
+    """Return all IR values that a value directly needs: its arguments, and those that a loop or branch returns."""
     if isinstance(value, Loop):
         return (*value.args, value.condition, *value.following)
     if isinstance(value, Branch):
@@ -263,7 +266,7 @@ def uses(value: Value) -> tuple[Value, ...]:
 
 
 def digest(program: Program) -> str:
-    """Return a SHA-256 digest of a program and of this package's sources."""
+    """Return a SHA-256 digest (hexadecimal) of a program and of this package's sources, as a key for cached code."""
     lines = [program.name] if program.name else []
     lines += [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
     numbers: dict[Value, int] = {}
@@ -319,7 +322,7 @@ class NoNativeCodeError(DefinitionError):
 def as_native_code_error(what: Callable[[], str]) -> Iterator[None]:
     """Convert every error in the block except DefinitionError to a NoNativeCodeError.
 
-    - `what`: name of the object, for the message.
+    - `what`: function that returns the name of the compiled object, for the message.
 
     Raises NoNativeCodeError.
     """

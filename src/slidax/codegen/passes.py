@@ -15,21 +15,21 @@ Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
 
 
 def rebuild(program: Program, replace: Replace) -> Program:
-    """Return a program with some values replaced, simplified again, without unused values.
+    """Return a copy of a program in which some values are replaced; it is simplified, and unused values are removed.
 
     The functions that it calls are copied as well.
 
-    - `replace`: called for each operation other than constants, inputs, stores, loops, branches, calls and their
-      results.
+    - `replace`: returns the new value of an operation, or None to copy it. Not called for constants, inputs, stores,
+      loops, branches, calls and their results.
     """
     return Rebuilding(program, replace, {}).finish()
 
 
 class Rebuilding:
-    """A copy in progress.
+    """The copying of a program by `rebuild`, in progress.
 
     - `program`, `replace`: as in `rebuild`.
-    - `functions`: new functions, by the `id` of the old ones.
+    - `functions`: copies of called programs, by the `id` of the original.
     """
 
     def __init__(self, program: Program, replace: Replace, functions: dict[int, Program]) -> None:
@@ -45,7 +45,7 @@ class Rebuilding:
         ]
 
     def finish(self) -> Program:
-        """Return the new program."""
+        """Copy the program, and return the copy."""
         outputs = self.builder.program.outputs
         # Stores refer to outputs by number, so each output is added before its values are known.
         outputs += [Output(old.name, old.type, old.shape, None) for old in self.old.outputs]
@@ -121,8 +121,9 @@ class Rebuilding:
 
 
 def fuse_products(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
-    """Fuse products into sums and differences, as a replacement for `rebuild`.
+    """Return a sum or difference with a product as one multiply-add, `a b + c` rounded once; None for other operations.
 
+    This is a `replace` function for `rebuild`: `value` is an operation of the old program, `args` its new arguments.
     A product is fused if it is in the same region as the sum; a product outside the loop is already computed. Other
     users of the product do not matter, so that logging does not change the rounding. If a sum has two products, only
     their order decides which one is fused, so that all targets round equally.
@@ -149,7 +150,7 @@ FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
 
 
 class OperationCount(NamedTuple):
-    """Largest number of operations of a program.
+    """Largest number of operations that one run of a program can take.
 
     - `operations`: number of additions, products, comparisons, selections, elementary functions and so on.
     - `elementary`: number of elementary functions among them.
@@ -166,7 +167,7 @@ class OperationCount(NamedTuple):
         return OperationCount(self.operations + other.operations, self.elementary + other.elementary)
 
     def times(self, iterations: int) -> OperationCount:
-        """Return the count of `iterations` repetitions."""
+        """Return this count multiplied by a number of iterations."""
         return OperationCount(self.operations * iterations, self.elementary * iterations)
 
 

@@ -285,9 +285,9 @@ def require_consistent(owner: object, *fields: str) -> None:
 
 
 def require_joints(tree: object, joints: int, of: str) -> None:
-    """Raise a DefinitionError unless each parameter in `tree` is one number, or has one entry per joint.
+    """Raise a DefinitionError unless each parameter in `tree` is one number, one per joint, or a matrix [n n].
 
-    - `of`: owner of the joints, for the message.
+    - `tree`: any pytree of arrays. `joints`: n. `of`: owner of the joints, for the message.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         if np.shape(leaf) not in ((), (joints,), (joints, joints)):
@@ -297,7 +297,7 @@ def require_joints(tree: object, joints: int, of: str) -> None:
 def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
     """Raise a DefinitionError unless each of the fields is one number, or has one entry per joint.
 
-    - `owner`: object with the fields.
+    - `owner`: object with the fields. `joints`: number of joints.
     - `of`: owner of the joints, for the message.
     - `fields`: names of the fields.
     """

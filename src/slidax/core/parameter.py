@@ -39,12 +39,18 @@ class End:
             return None
 
     def value(self, part: object) -> Any:
-        """Return the end for a part with these parameters, a number or [n]."""
+        """Return the end as a number or [n].
+
+        - `part`: supplies the values of other parameters in an expression.
+        """
         number = self.number
         return number if number is not None else eval(self._code, {}, _Fields(part))
 
     def shown(self, part: object) -> str:
-        """Return the end for a message, with its value if it is an expression."""
+        """Return the end for a message, with its value if it is an expression.
+
+        - `part`: as in `value`.
+        """
         return self.text if self.number is not None else f"`{self.text}` = {np.asarray(self.value(part)).tolist()}"
 
     @cached_property
@@ -90,7 +96,7 @@ class Range:
         return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
 
     def holds(self, part: object, values: np.ndarray) -> np.ndarray:
-        """Return True for each value inside, broadcast against ends that are other parameters of the part."""
+        """Return True for each value inside the range, broadcast against ends that are other parameters of the part."""
         lower, upper = self.ends
         low, high = lower.value(part), upper.value(part)
         above = values > low if lower.open else values >= low

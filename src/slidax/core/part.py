@@ -27,7 +27,10 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def as_tree(part: Any, label: str = "", indent: str = "") -> str:
-    """Return a line for the part, and below it one for each inner part; `label` is its name in the outer part."""
+    """Return a part as text: a line with its values, and below it a line for each inner part.
+
+    - `label`: name of the part in the outer part. `indent`: spaces before the line.
+    """
     kind: type = type(part)
     units = {parameter.name: parameter.unit for parameter in parameters_of(kind)}
     values, parts = [], []
@@ -109,7 +112,7 @@ SIZES: dict[str, tuple[int, ...]] = {"one number": (), "[2]": (2,), "[3]": (3,),
 
 @cache
 def _numeric(part: type[AbstractPart]) -> tuple[Parameter, ...]:
-    """The declared parameters of a part that are numbers."""
+    """The declared parameters of a part that are numeric."""
     fields = (declaration(field) for field in dataclasses.fields(part) if is_declared(field))
     return tuple(parameter for parameter in fields if not parameter.piece)
 
@@ -162,7 +165,7 @@ def kind_of(part: type) -> str:
 
 
 def members_of(family: type) -> dict[str, Any]:
-    """Return the parts of an abstract class that its package exports, by their kinds."""
+    """Return the concrete subclasses of an abstract class that its package exports, by their names in files."""
     package = import_module(".".join(family.__module__.split(".")[:2]))
     members = {
         kind_of(thing): thing

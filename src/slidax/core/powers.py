@@ -44,6 +44,8 @@ power.defjvp(_power_jvp, symbolic_zeros=True)
 def sig_and_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """`sig^a(x)` and its slope `a |x|^(a-1)`, eqs. (34), (35), by one power.
 
+    `sig^a(x) = |x|^a sgn(x)`, elementwise. Equation numbers are those of the paper.
+
     - `x`: any real array.
     - `a`: exponent > 1, broadcast with `x`.
     """
@@ -53,6 +55,8 @@ def sig_and_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> tuple[Float
 
 def sig(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
     """`sig^a(x) = |x|^a sgn(x)`, elementwise, eqs. (1), (2); its derivative at 0 is taken as 0 (true for a > 1).
+
+    Equation numbers are those of the paper.
 
     - `x`: any real array.
     - `a`: exponent > 0, broadcast with `x`.
@@ -65,8 +69,8 @@ def smooth_power_and_slope(
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """`s^p(x)`, eq. (29), and its slope, eq. (33), by one power.
 
-    `s^p(x) = sig^p(x)` for `|x| >= delta`, else `l1 x + l2 sig²(x) + l3 x³` with (30)-(32). Odd, increasing, and twice
-    continuously differentiable at `|x| = delta` (the paper claims once, (74)-(77)).
+    `s^p(x) = sig^p(x) = |x|^p sgn(x)` for `|x| >= delta`, else `l1 x + l2 sig²(x) + l3 x³` with the paper's (30)-(32).
+    Odd, increasing, and twice continuously differentiable at `|x| = delta` (the paper claims once, (74)-(77)).
 
     With `w = max(|x|, delta)^(p-1)`, `z = min(|x|/delta, 1)` and `c_i = l_i delta^(i-p)`, both branches are
     `x w (c1 + c2 z + c3 z²)`, since `c1 + c2 + c3 = 1`; and both slopes are `w (c1 + 2 c2 z + 3 c3 z²)`.
@@ -96,6 +100,8 @@ def smooth_power_and_slope(
 def smooth_power(x: Float[Array, "..."], p: Float[Array, "..."], delta: Float[Array, "..."]) -> Float[Array, "..."]:
     """`s^p(x)`, eq. (29).
 
+    The paper's smooth power: `|x|^p sgn(x)` for `|x| >= delta`, and a smooth cubic in the core.
+
     - `x`: any real array.
     - `p`: exponent in (0, 1), broadcast with `x`.
     - `delta`: half-width of the core, in (0, 1], broadcast with `x`.
@@ -108,8 +114,9 @@ def linear_core_power_and_slope(
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """`ŝ^p(x)`, eq. (78), and its slope by one power.
 
-    `ŝ^p(x) = sig^p(x)` for `|x| >= delta`, else `delta^(p-1) x`. Odd, increasing and continuous; its slope jumps at
-    `|x| = delta` from `delta^(p-1)` inside to `p delta^(p-1)` outside, where the outer one is returned.
+    The paper's power with a linear core: `ŝ^p(x) = sig^p(x) = |x|^p sgn(x)` for `|x| >= delta`, else `delta^(p-1) x`.
+    Odd, increasing and continuous; its slope jumps at `|x| = delta` from `delta^(p-1)` inside to `p delta^(p-1)`
+    outside, where the outer one is returned.
 
     With `w = max(|x|, delta)^(p-1)`, both branches are `x w`, and the slopes are `w` inside and `p w` outside.
 
@@ -128,8 +135,8 @@ def two_term_power_and_slope(
 ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """`S_a(x)` and its slope by two powers.
 
-    `S_a(x) = sig^a(x)` for `|x| >= delta`, else `l1 x + l2 sig^r(x)` with `l1 = (r-a)/(r-1) delta^(a-1)` and
-    `l2 = (a-1)/(r-1) delta^(a-r)`. Odd, increasing, and continuously differentiable at `|x| = delta`.
+    `S_a(x) = sig^a(x) = |x|^a sgn(x)` for `|x| >= delta`, else `l1 x + l2 sig^r(x)` with `l1 = (r-a)/(r-1) delta^(a-1)`
+    and `l2 = (a-1)/(r-1) delta^(a-r)`. Odd, increasing, and continuously differentiable at `|x| = delta`.
 
     With `w = max(|x|, delta)^(a-1)`, `z = min(|x|/delta, 1)^(r-1)` and `c_1 = (r-a)/(r-1)`, `c_2 = 1 - c_1`, both
     branches are `x w (c1 + c2 z)`, and both slopes are `w (c1 + r c2 z)`.

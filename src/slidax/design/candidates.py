@@ -16,10 +16,10 @@ from slidax.scenarios.scenario import OpenLoop, ScenarioDescription
 Floats = NDArray[np.floating[Any]]
 
 HORIZONS = (6.0, 9.0, 14.0, 20.0, 28.0)
-"""H of the grid, in periods, or in ms if a period is shorter than 1 ms."""
+"""Horizons H of the grid, in periods, or in ms if a period is shorter than 1 ms."""
 
 LONG_HORIZONS = (40.0, 56.0)
-"""Further H of the grid if a bound is required: with a longer H it needs less torque."""
+"""Further horizons of the grid if a bound is required: a law with a longer horizon needs less torque."""
 
 DRIFTS = (0.25, 1.0, 4.0)
 """Factors of the disturbance drift of `slidax new`; the torque density is proportional to the drift's square."""
@@ -28,22 +28,22 @@ SLOPES = (1.0, 2.0, 4.0)
 """Factors of k1 and k2 of `slidax new`."""
 
 EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1": 0.0, "b2": 0.0}
-"""Values for which the bound u is equal to its margin."""
+"""Parameters of `UncertaintyBound` for which the size u of the robust torque is equal to its margin k."""
 
 LARGEST = 0.25
-"""Largest final radius, over the initial radius."""
+"""Largest final radius of the envelope, over its initial radius."""
 
 ROOM = 1.6
-"""Initial radius, over the largest initial error."""
+"""Initial radius of the envelope, over the largest initial error."""
 
 UNRATED = 2.0
 """Rated torque that is assumed for a drive without a torque limit, over the torque that holds and moves the arm."""
 
 
 def template(deadline: float) -> dict[str, Any]:
-    """Return a scheme, as in a scenario file, in which `DesignSpace.described` sets the searched values.
+    """Return the block `scheme` of a scenario file, in which `DesignSpace.described` sets the searched values.
 
-    - `deadline`: T [s].
+    - `deadline`: T, time from which on the envelope has its final radius [s].
     """
     performance = {"kind": "fixed_time", "initial": 1.0, "final": 0.1, "deadline": deadline, "exponent": EXPONENT}
     return {
@@ -60,12 +60,12 @@ def template(deadline: float) -> dict[str, Any]:
 class DesignPoint:
     """Searched values of a law.
 
-    - `horizon`: H [s].
+    - `horizon`: H, over which a step plans [s].
     - `drift`: factor of the disturbance drift, as in `DRIFTS`; None with the `measured` estimator.
-    - `slope`, `bend`: factor of k1 and k2, relative to `slidax new`, and a further factor of k2.
-    - `final`: ρ∞ of each joint [n], rad or m.
-    - `deadline`: T [s].
-    - `margin`: u [N m]; None for the default bound of the arm.
+    - `slope`, `bend`: factor of the surface gains k1 and k2, relative to `slidax new`, and a further factor of k2.
+    - `final`: final radius ρ∞ of each joint's envelope [n], rad or m.
+    - `deadline`: T, time from which on the envelope has its final radius [s].
+    - `margin`: u, size of the robust torque [N m]; None for the default bound of the arm.
     - `even`: 0 for drifts in proportion to each joint's torque, 1 for equal drifts.
     - `overshoot`: ϑ, width of the envelope's side away from the initial error, over ρ.
     - `gain`: gain of the `measured` estimator over its default for this horizon.
@@ -88,14 +88,14 @@ class DesignSpace:
     """Values that are common to all candidate laws for an arm.
 
     - `base`: the scenario with the scheme from `template`.
-    - `initial`: ρ0 of each joint [n], rad or m.
+    - `initial`: initial radius ρ0 of each joint's envelope [n], rad or m.
     - `shape`: final radius of each joint [n], rad or m, up to a common factor that is searched.
     - `torque`: rated torque, or an assumed one (`UNRATED`) [n], N m or N.
     - `middle`: geometric mean of the torques of all joints with the same unit [n].
     - `period`, `delay`: h [s], and the delay of measurement and command [periods].
     - `has_velocity`: True if velocities are measured.
     - `changes`: largest torque step of each drive [n], N m or N; infinite without a rate limit.
-    - `least_margin`: lower limit of u if u is searched [N m]; None if it is not.
+    - `least_margin`: lower limit of the robust torque's size u if u is searched [N m]; None if it is not.
     - `along`: True if the law must have the form that `tracking_bound` covers: equal loops in all joints, no learning.
       Otherwise the law learns the inertia.
     """
@@ -119,24 +119,24 @@ class DesignSpace:
 
     @property
     def least(self) -> float:
-        """Shortest H for this delay, `(2 + 2 D) h` [s]."""
+        """Shortest horizon for this delay of D periods h, `(2 + 2 D) h` [s]."""
         return (2.0 + 2.0 * self.delay) * self.period
 
     @property
     def horizons(self) -> tuple[float, ...]:
-        """H of the grid [s]."""
+        """Horizons of the grid [s]."""
         unit, counts = max(self.period, 1e-3), (*HORIZONS, *LONG_HORIZONS) if self.along else HORIZONS
         return tuple(sorted({round(max(count * unit, self.least), 9) for count in counts}))
 
     def density(self, drift: float, even: float = 0.0) -> Floats:
-        """Return the torque density of each joint's Kalman filter, `(drift √density)²` [n], (N m/s)² s.
+        """Return the spectral density of the disturbance torque's drift for each joint's filter, [n], (N m/s)² s.
 
         - `drift`, `even`: as in `DesignPoint`.
         """
         return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
 
     def common_density(self, drift: float) -> float:
-        """Return the acceleration density of the Kalman filters, equal for all joints, (rad/s³)² s."""
+        """Return the spectral density of the disturbance acceleration's drift, equal for all joints, (rad/s³)² s."""
         return float(f"{drift**2:.4g}")
 
     def measured_gain(self, choice: DesignPoint) -> float:
@@ -144,8 +144,9 @@ class DesignSpace:
         return float(f"{min(choice.gain * min(0.5, 2.0 * self.period / choice.horizon), 1.0):.4g}")
 
     def described(self, choice: DesignPoint, monitor: float = 1.0) -> ScenarioDescription:
-        """Return the scenario of a law, a copy of `base`.
+        """Return the scenario of a law: a copy of `base` with the law's values.
 
+        - `choice`: searched values of the law.
         - `monitor`: share of the envelope at which the monitor warns.
         """
         scheme: Any = self.base.scheme
@@ -193,7 +194,7 @@ class DesignSpace:
         return replace(self, base=self.base.model_copy(update={"simulation": simulation}), period=period)
 
     def values(self, choice: DesignPoint) -> dict[str, Any]:
-        """Return the values of a law by their paths in a scenario; u only if it is searched."""
+        """Return the searched values of a law: one entry for each dotted path of the scenario."""
         performance = "scheme.transformation.performance"
         result: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,
@@ -228,7 +229,8 @@ def design_space(
 ) -> DesignSpace:
     """Return the design space for an arm and its initial states.
 
-    - `base`, `moving`: the scenario with the scheme from `template`, and its closed loop without the law.
+    - `base`: the scenario with the scheme from `template`.
+    - `moving`: its arms, drives, plant, trajectory and initial state, without a law.
     - `starts`: least and largest position of each joint at t = 0, [n] each.
     - `shape`, `period`, `delay`, `has_velocity`: as in `DesignSpace`.
     """
@@ -251,5 +253,5 @@ def design_space(
 
 
 def round_for_file(values: Any) -> list[float]:
-    """Round values [n] to the four digits of a design file."""
+    """Return values [n], rounded to the four significant digits of a design file."""
     return [float(f"{value:.4g}") for value in np.asarray(values, float)]

@@ -43,7 +43,7 @@ ENOUGH = 0.1
 """Margin of the worst case that ends the checks early, as a share of the width: a longer search finds worse cases."""
 
 U_OVER, U_AMPLE = 1.15, 2.0
-"""u over the largest model error: the lower limit of u if u is searched, and its value if not."""
+"""Size u of the robust torque over the largest model error: its lower limit if u is searched, and its value if not."""
 
 UNSEEN = 0.95
 """Share of the required torque step that is allowed in the common cases: the check has more cases, so a larger step."""
@@ -63,9 +63,9 @@ class DesignResult:
 
     - `description`: the scenario with the law.
     - `proof`: `bound` if `tracking_bound` certifies the law inside its envelope; `tested` if it was only simulated.
-    - `space`, `choice`: values of the law.
+    - `space`, `choice`: common and searched values of the law.
     - `worst`: worst values of the law over the common cases.
-    - `demand`: demand of motion and uncertainty on the drives and on u; None if no bound of it exists.
+    - `demand`: demand of motion and uncertainty on the drives and on the robust torque; None if it has no bound.
     - `bound`: verdict of `tracking_bound`; None if no bound is required.
     - `check`: verdict of `statistical`, from random cases and a search.
     - `runs`: number of runs that were simulated for the design.
@@ -85,7 +85,7 @@ class DesignResult:
 
     @property
     def spared(self) -> float:
-        """Envelope margin in the worst case of the check; inf without a margin."""
+        """Envelope margin in the worst case of the check, as a share of the width; inf if the check has none."""
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
@@ -100,10 +100,11 @@ def _ignore(_: str) -> None:
 def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> Design:
     """Design a law for an arm and its task; return the result, or a refusal with the reason.
 
-    1. In closed form: ρ0 from the starts, T as required, u from `robust_torque`, and a scale of H and the estimator's
-       density from the period, the delay and the drives.
+    1. In closed form: the envelope's initial radius ρ0 from the initial states, its deadline T as required, the size u
+       of the robust torque from `robust_torque`, and a scale of the horizon H and of the estimator's density from the
+       period, the delay and the drives.
     2. A grid of H, density and three surfaces, simulated on eight cases of the uncertainty set.
-    3. CMA-ES over all these values, ϑ and ρ∞, from the best point of the grid.
+    3. CMA-ES over all these values, the overshoot ϑ and the final radius ρ∞, from the best point of the grid.
     4. ρ∞ from `tracking_bound` if a bound is required; otherwise the smallest that holds in 48 cases.
     5. A check by new random cases and a search for the worst case. If a case leaves the envelope, step 3 is repeated
        with the worst cases added.
@@ -190,13 +191,15 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
 
 
 def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
-    """Return the law with the smallest certified error on a grid of H and densities, and its verdict.
+    """Return the law with the smallest error bound by `tracking_bound` on a grid, and its verdict.
 
-    If no verdict holds, return the law with the fewest failing assumptions, and of these the one with the longest H.
+    The grid is over the horizon H and the estimator's density. If no verdict holds, return the law with the fewest
+    failing assumptions, and of these the one with the longest H.
     For each density, H decreases until a law fails after one that held, since torque steps usually grow as H gets
     shorter. A certified law with a still shorter H would be missed.
 
-    - `first`: the law's other values.
+    - `space`: values that are common to all laws.
+    - `first`: the other values of all laws.
     """
     results: list[tuple[int, float, int]] = []
     laws: list[tuple[DesignPoint, Verdict]] = []
@@ -346,7 +349,7 @@ def design_text(result: DesignResult, folder: Path) -> str:
 
 
 def write_design(result: DesignResult, out: Path, certificates: Certificates) -> Path:
-    """Write the scenario to `out` and its certificates next to it; return the path of the certificates."""
+    """Write the scenario to the YAML file `out`, and its certificates next to it; return the certificates' path."""
     out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, design_text(result, out.parent))
     path = out.with_name(out.stem + CERTIFICATE)
@@ -357,7 +360,10 @@ def write_design(result: DesignResult, out: Path, certificates: Certificates) ->
 
 
 def name_proof(verdict: Verdict | None) -> str:
-    """Name the proof of a design for a verdict that holds: certified if all lines are proved."""
+    """Return the proof of a design in words, for a verdict that holds: certified if all of its lines are proved.
+
+    - `verdict`: of `tracking_bound`; None for a design that was only simulated.
+    """
     if verdict is None or verdict.grade is None:
         return "tested"
     if verdict.grade == "A":
@@ -386,13 +392,16 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
     yield (
         "scheme.transformation.performance",
         f"The error is within `final` from the deadline on. In the worst of {result.worst.cases} common cases the "
-        f"steady error is {result.worst.error:.2g}. `initial` contains all starts.",
+        f"steady error is {result.worst.error:.2g}. `initial` exceeds the error of every initial state.",
     )
     yield "scheme.surface", "Steeper and flatter surfaces were tried and were worse."
     if choice.margin is not None:
         lacks = "" if result.demand is None else f", {result.demand.needed:.3g} N m"
         times = f"{U_AMPLE:g} times" if space.least_margin is None else f"at least {U_OVER:g} times"
-        yield "scheme.bound", f"u: {times} the largest model error{lacks}, (44), (45)."
+        yield (
+            "scheme.bound",
+            f"Size u of the robust torque: {times} the largest model error{lacks}, as in the paper's eqs. (44), (45).",
+        )
     else:
         yield "scheme.bound", "The bound follows from the arm, its drives and the mismatch above."
     yield (
@@ -404,11 +413,15 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
     elif choice.drift is not None:
         drift = f"The disturbance drifts by {choice.drift * 0.8:.2g} % of the rated torque in a second"
         even = (
-            f"; this torque is averaged with the mean of all joints, weight {choice.even:.2g}." if choice.even else "."
+            f"; the rated torque is averaged with the mean of all joints, weight {choice.even:.2g}."
+            if choice.even
+            else "."
         )
         yield "scheme.sampled_data.estimator", drift + even
     yield "scheme.sampled_data.adaptation", "Learning is off: `tracking_bound` covers no law that learns."
-    warning = f"Warns before the envelope is left: at 1.25 times the share of it that {MANY} common cases used."
+    warning = (
+        f"Warns before the envelope is left: at 1.25 times the share of it that the error used in {MANY} test cases."
+    )
     yield "scheme.sampled_data.monitor", warning
 
 

@@ -33,7 +33,7 @@ class RangeDescription(AbstractDescription):
 
 
 class WorkspaceDescription(AbstractDescription):
-    """Range, speed and acceleration of the joints' motion."""
+    """Range, largest speed and largest acceleration of the joints' motion."""
 
     q: RangeDescription | None = None
     """Range of the positions; by default the joints' position limits."""
@@ -64,7 +64,9 @@ class WorkspaceDescription(AbstractDescription):
         }
 
     def ends(self, arms: Arms) -> tuple[Any, Any]:
-        """Return least and largest positions of the joints [n].
+        """Return the least and the largest positions of the joints, [n] each, rad or m.
+
+        - `arms`: the arms of the scenario; their position limits are used if the file has no range.
 
         Raises DefinitionError if the range is empty, or neither the file nor the arm has one.
         """
@@ -136,7 +138,7 @@ class DesignProblem(AbstractDescription):
     workspace: WorkspaceDescription | None = None
     """Range, speed and acceleration of the joints' motion, instead of a trajectory."""
     disturbance: DisturbanceDescription = DisturbanceDescription()
-    """External disturbances."""
+    """External disturbances on the joints."""
     sensor: SensorDescription = SensorDescription()
     """Sensors."""
     actuator: ActuatorDescription = ActuatorDescription()
@@ -146,7 +148,7 @@ class DesignProblem(AbstractDescription):
     simulation: TimeDescription
     """Timing of the commands."""
     uncertainty: Uncertainty = Field(default={})
-    """Uncertainty: a set of values by path."""
+    """Uncertain values: a set for each dotted path of the scenario, such as `robot.plant.load.mass`."""
     requirements: Requirements = Requirements()
     """Requirements for the law."""
 
@@ -158,7 +160,7 @@ class DesignProblem(AbstractDescription):
         return float(round(end / period) * period)
 
     def blocks(self) -> dict[str, Any]:
-        """Return the blocks of a scenario except the law and the simulation.
+        """Return the blocks of a scenario file by their names, except the law and the simulation.
 
         Raises DefinitionError, with the path of the field, if the motion is impossible.
         """
@@ -178,7 +180,9 @@ class DesignProblem(AbstractDescription):
         return data
 
     def scenario(self, scheme: dict[str, Any]) -> ScenarioDescription:
-        """Return the scenario of this problem with a law, as `scheme` of a scenario file.
+        """Return the scenario of this problem with a law.
+
+        - `scheme`: the law, as the block `scheme` of a scenario file.
 
         Raises DefinitionError, with the path of the field, if something is invalid.
         """
@@ -212,10 +216,12 @@ def read_problem(path: str | Path) -> DesignProblem:
     except ValidationError as error:
         raise validation_error(error, data) from None
     if (result.trajectory is None) == (result.workspace is None):
-        raise DefinitionError("the requirements need either `trajectory` or `workspace`, not both")
+        raise DefinitionError("the requirements must have one of the blocks `trajectory` and `workspace`, not both")
     _require_accuracy(result)
     if result.t1 <= result.requirements.deadline:
-        raise DefinitionError(f"must be after the deadline; got {result.t1:g}", where="simulation.t1")
+        raise DefinitionError(
+            f"must be after the deadline (`requirements.deadline`); got {result.t1:g}", where="simulation.t1"
+        )
     return result
 
 

@@ -24,11 +24,12 @@ from .trials import Trials
 
 @dataclass(frozen=True)
 class DriveDemand:
-    """Demand of the motion and the uncertainty set on the drives and on u.
+    """Demand of the motion and the uncertainty set on the drives and on the size u of the robust torque.
 
     - `demand`: demand on the joints' loops.
     - `torque`, `limit`: largest torque along the motion, and torque limit of the drives [n], N m or N.
-    - `u`, `needed`: u of the law, and the largest model error that u must cover, (44), (45) [N m].
+    - `u`: size of the law's robust torque [N m].
+    - `needed`: largest model error that u must cover, as in the paper's eqs. (44), (45) [N m].
     """
 
     demand: Demand
@@ -39,9 +40,9 @@ class DriveDemand:
 
 
 def drive_demand(scenario: Scenario) -> DriveDemand:
-    """Return the demand of a scenario on its drives and on u, for all members of its uncertainty set.
+    """Return the demand of a scenario on its drives and its robust torque, for all members of its uncertainty set.
 
-    Raises DefinitionError if the scenario has no such bound.
+    Raises DefinitionError if the demand of the scenario cannot be bounded.
     """
     demand = compute_demand(scenario)
     members = Members.of(scenario, None)
@@ -72,6 +73,7 @@ def certified_radii(
     Return the law and its verdict; None if the verdict holds for no factor. The search bisects the factors, since a
     wider envelope is easier to certify.
 
+    - `choice`: the law.
     - `verdict_of`: function from a law to its verdict.
     - `largest`: largest final radii [n], rad or m.
     """
@@ -107,6 +109,9 @@ NARROW = 1.05
 @dataclass(frozen=True)
 class EstimationError:
     """Estimation error w̄ of each joint, and its limit by the loop-rate rule `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
+
+    w̄ bounds the acceleration that the estimator misses. H is the horizon, D the delay in periods h, ϑ ρ∞ the width of
+    the envelope's narrower side at the end.
 
     - `names`, `units`: names of the joints, and units of their positions.
     - `missed`, `allowed`: w̄, and its limit [n], rad/s² or m/s².

@@ -62,6 +62,7 @@ def refused(reason: str, would_do: list[Remedy], missed: EstimationError | None 
     """Return a refusal whose reason also names the remedies.
 
     - `reason`: a sentence without its full stop.
+    - `would_do`: remedies, of which each alone makes a law possible.
     - `missed`: estimation errors, if they are the reason.
     """
     words = ", or ".join(item.words for item in would_do)
@@ -69,9 +70,10 @@ def refused(reason: str, would_do: list[Remedy], missed: EstimationError | None 
 
 
 def torque_refusal(problem: DesignProblem, demand: DriveDemand) -> Refusal:
-    """Refuse a motion that needs more torque than the drives have.
+    """Return the refusal of a motion that needs more torque than the drives have.
 
     - `problem`: the arm and its motion.
+    - `demand`: largest torque along the motion, and the drives' limit.
     """
     arm = problem.robot.build().nominal
     k = int(np.argmax(demand.torque / demand.limit))
@@ -86,9 +88,10 @@ def torque_refusal(problem: DesignProblem, demand: DriveDemand) -> Refusal:
 
 
 def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
-    """Refuse a deadline for which no law keeps its envelope.
+    """Return the refusal of a deadline for which no law keeps its envelope, with remedies.
 
     - `trials`: simulates the laws.
+    - `best`: the best law that was tried, which leaves its envelope.
     """
     deadline, cases = best.choice.deadline, trials.cases(MANY)
     later = [replace(best.choice, deadline=factor * deadline) for factor in LATER]
@@ -106,7 +109,7 @@ def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
 
 
 def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check: Verdict | None = None) -> Refusal:
-    """Refuse a torque step that no law meets.
+    """Return the refusal of a required torque step that no law meets, with a remedy.
 
     - `trials`: simulates the laws.
     - `best`: the law with the smallest torque step.
@@ -123,7 +126,7 @@ def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check:
 
 
 def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, check: Verdict | None = None) -> Refusal:
-    """Refuse an accuracy that no law reaches.
+    """Return the refusal of an accuracy that no law reaches, with remedies.
 
     - `trials`: simulates the laws.
     - `best`: the law with the required final radius.
@@ -156,9 +159,10 @@ def accuracy_refusal(trials: Trials, best: WorstCase, held: WorstCase | None, ch
 
 
 def proof_refusal(problem: DesignProblem, space: DesignSpace, choice: DesignPoint, verdict: Verdict) -> Refusal:
-    """Refuse a required error bound that `tracking_bound` cannot certify.
+    """Return the refusal of a required error bound that `tracking_bound` cannot certify, with remedies.
 
-    - `choice`: the best law.
+    - `problem`: the requirements.
+    - `space`, `choice`: common and searched values of the best law.
     - `verdict`: its verdict of `tracking_bound`.
     """
     description, largest = space.described(choice), LARGEST * space.initial

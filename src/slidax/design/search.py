@@ -22,7 +22,7 @@ TIMES = {"horizon": 2.5, "slope": 8.0, "bend": 6.0, "overshoot": 4.0, "drift": 6
 """Each value is searched between its start divided by this factor and its start times this factor."""
 
 FINAL = 10.0
-"""The same factor for the final radius."""
+"""The final radius is searched between its start divided by this factor and its start times this factor."""
 
 OVERSHOOTS = (0.1, 0.95)
 """Range of ϑ in the search."""
@@ -45,10 +45,10 @@ def cmaes_search(
 
     - `trials`: simulates the laws.
     - `start`: the law in the middle of the search.
-    - `cases`: the common cases.
+    - `cases`: the common cases, from `Trials.cases` or `Trials.widened_cases`.
     - `cost`: cost of a law, from its worst case.
     - `free`: True to search the final radius, too.
-    - `size`: first standard deviation, in the unit cube.
+    - `size`: initial standard deviation of CMA-ES, as a share of each value's search range.
     - `seed`: seed of the random numbers.
     """
     left_out = {"gain" if start.drift is not None else "drift"}
@@ -116,7 +116,9 @@ LEAST_MARGIN = 0.01
 
 
 def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
-    """Return the best horizon, density and surface, with envelopes as wide as those of `slidax new`.
+    """Return the law with the best horizon, estimator density and surface on a grid, with its worst case.
+
+    The envelope is that of `trials.first`.
 
     - `trials`: simulates the laws.
     - `aim`: the objective.
@@ -133,7 +135,7 @@ def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
 
 
 def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
-    """Return the best law around another one, compared in many cases.
+    """Search around a law by CMA-ES, and return the best law by its worst case of many.
 
     Each turn searches in few cases, and corrects the next turn in two ways: by the ratio of the largest torque steps
     in few and in many cases, and by the hardest of the many cases, which it adds to the few.
@@ -186,6 +188,7 @@ def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) ->
     """Return the law with the smallest final radius that holds in all common cases; None if even the largest fails.
 
     - `trials`: simulates the laws.
+    - `best`: the law whose other values the result has.
     - `step`: largest allowed torque step [N m].
     """
     held, cases = None, trials.widened_cases(MANY)

@@ -29,7 +29,7 @@ class SpeedRow:
     """Number of certified motions at one speed, and their bounds.
 
     - `speed`: share of the workspace's largest speed; accelerations are scaled by its square.
-    - `motions`: number of motions.
+    - `motions`: number of motions at this speed.
     - `certified`: number of motions with an error bound within the final radius, and without an active torque limit.
     - `steps`: number of certified motions without an active torque-rate limit, either.
     - `median`, `largest`: median and largest error bound of the certified motions, for the worst joint [rad or m]; None
@@ -77,7 +77,8 @@ def speed_table(
 
     - `description`: scenario with a law that `tracking_bound` covers.
     - `motions`: motions at full speed.
-    - `allowed`: largest error of each joint [n], rad or m.
+    - `allowed`: largest allowed error of each joint [n], rad or m.
+    - `speeds`: shares of full speed.
     """
     law = certified_law(description.build("speeds"))
     for speed in speeds:

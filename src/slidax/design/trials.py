@@ -35,14 +35,14 @@ LOAD = "load.mass"
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Worst values of a law over the common cases.
+    """Worst values of a law over the common cases, which are the same for all laws.
 
     - `choice`: values of the law.
     - `margin`: least distance to the nearer side of the envelope, over the envelope's width; negative outside.
     - `error`, `step`: largest steady error [rad or m], and largest torque step from sample to sample [N m or N].
     - `drive_share`: largest torque step over the step that the joint's drive allows.
     - `joint`: index of the joint nearest to its envelope in the case with the least margin.
-    - `guarantee_margin`: least margin of a monitor for the whole envelope.
+    - `guarantee_margin`: least `margin` of a guarantee monitor that lets the error use the whole envelope.
     - `outside`, `cases`: number of cases that left the envelope, and of all cases.
     - `case`: index of the case with the least margin.
     """
@@ -66,13 +66,13 @@ class WorstCase:
 
 @dataclass(eq=False)
 class Trials:
-    """Simulation of laws in common cases, by one compiled loop.
+    """Simulation of candidate laws, all in the same cases of the uncertainty set, by one compiled loop.
 
     - `problem`: the arm, its task and the requirements.
     - `space`: the values that are common to all laws.
     - `first`: the law for which the loop is compiled.
-    - `smaller`: used share of an uncertainty set's width, by path; 1 for all other paths.
-    - `harder`: values of the hard cases among the common ones, by path, the newest first.
+    - `smaller`: used share of an uncertainty set's width, by the set's dotted path; 1 for all other sets.
+    - `harder`: hard cases among the common ones, the newest first: an array of values for each dotted path.
     """
 
     problem: DesignProblem
@@ -121,7 +121,9 @@ class Trials:
         return {**columns, "drive_share": shares.max(axis=1)}
 
     def cases(self, count: int) -> Values:
-        """Return the common cases by path: corners of the uncertainty set, hard cases, and random cases.
+        """Return the common cases: corners of the uncertainty set, hard cases, and random cases.
+
+        The result has an array of values for each dotted path of an uncertain parameter; first axis: the case.
 
         - `count`: number of cases.
         """
@@ -161,7 +163,7 @@ class Trials:
         """Simulate laws, and return the worst case of each.
 
         - `choices`: the laws, all with the estimator of `first`.
-        - `cases`: values by path, from the method `cases`.
+        - `cases`: the cases, from `cases` or `widened_cases`.
         """
         if not choices:
             return []
@@ -176,14 +178,14 @@ class Trials:
     def with_smaller_sets(self, smaller: dict[str, float]) -> Trials:
         """Return trials with smaller uncertainty sets, in the same loop.
 
-        - `smaller`: used share of an uncertainty set's width, by path.
+        - `smaller`: used share of an uncertainty set's width, by the set's dotted path.
         """
         return self._share_compiled(replace(self, smaller=smaller))
 
     def with_harder(self, cases: Values) -> Trials:
         """Return trials with more hard cases among the common ones, in the same loop.
 
-        - `cases`: the hard cases by path, the worst first.
+        - `cases`: the hard cases, in the form of `cases`, the worst first.
         """
         old = self.harder
         every = {path: np.concatenate([item, old[path]]) if old else item for path, item in cases.items()}
@@ -198,7 +200,7 @@ class Trials:
 
     @property
     def payload(self) -> str | None:
-        """Path of an uncertain payload mass; None without one."""
+        """Dotted path of the uncertain payload mass; None if the payload is certain."""
         return next((path for path in self.family.uncertain.sets if path.endswith(LOAD)), None)
 
 
@@ -281,7 +283,7 @@ each base exceeds all costs of the later kinds."""
 
 @dataclass(frozen=True)
 class Objective:
-    """Order of laws: first by margin, then by torque step, then by steady error, then by a weighted sum.
+    """Cost that ranks laws: first by margin, then by torque step, then by steady error, then by a weighted sum.
 
     - `step`: largest allowed torque step [N m].
     - `required`: True if `step` is a requirement, so that smaller steps have no advantage.

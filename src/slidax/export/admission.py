@@ -1,7 +1,8 @@
-"""The admission of motions as C99: the inequalities of `slidax admit`, with the constants of one certified law.
+"""C99 code that admits or rejects motions: the inequalities of `slidax admit`, with the constants of one certified law.
 
-The impulse-response kernels of the joints' loop are written for each lag, and beyond the loop's memory for groups of
-lags. The C code sums them over the cells of a motion, for the rate at which norms grow along the motion.
+Its tables are the impulse-response kernels of the joints' error loop: for each lag, and beyond the loop's memory for
+groups of lags. The C code sums them over the cells (short pieces) of a motion, for the rate at which norms grow along
+the motion.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 KINDS = ("any_form", "ramp", "pulse", "noise", "goal", "step", "start_error", "start_speed", "start_miss")
-"""Fields of a kernel in the order of the C arrays: first those that are summed over a group of lags, then those whose
-largest value counts.
+"""Fields of a `LoopKernel` in the order of the C arrays. A group of lags has the sum of each of the first `SUMMED`
+fields, and the largest value of each other field.
 """
 
 SUMMED = 5
-"""Number of fields that are summed."""
+"""Number of fields, from the first in `KINDS`, that are summed over a group of lags."""
 
 LANES = 4
 """Array lengths in innermost loops are multiples of this number, so that compilers vectorise the loops."""
@@ -51,13 +52,13 @@ BLOCK = 32
 """Number of lags in a group beyond the loop's memory."""
 
 POWERS, PIECES, CELLS = 12, 256, 6144
-"""Largest numbers of coefficients of a polynomial, of pieces of a motion, and of cells of a motion."""
+"""Largest numbers that the C arrays can hold: coefficients per polynomial, pieces per motion, and cells per motion."""
 
 FINE = 2**18
-"""Number of transformed errors at which the C table of the plan is compared with the plan."""
+"""Number of transformed errors in the table of the plan from which the error of the shorter C table is determined."""
 
 PLACES = 4097
-"""Number of transformed errors in the C table of the plan, which is interpolated linearly."""
+"""Number of transformed errors in the C table of the plan (see `HandOver`), which the C code interpolates."""
 
 FILES = {
     f"admission/{template}.j2": f"{{prefix}}_{name}"
@@ -79,10 +80,10 @@ OF_TRAJECTORIES = {f"onboard/guarantee.{end}.j2": f"{{prefix}}_guarantee.{end}" 
 
 
 def export_admission(scenario: Scenario, exported: CProject, out: str | Path, *, trajectories: bool = False) -> None:
-    """Write the admission of motions for a scenario's law into the folder `out` of its C project.
+    """Write C code that admits or rejects motions for a scenario's law, into the folder `out` of its C project.
 
-    - `exported`: the C project, with doubles.
-    - `trajectories`: also write the check of trajectories that an export for a robot receives.
+    - `exported`: the scenario's C project, with doubles.
+    - `trajectories`: also write C code that applies this check to the trajectories that a robot's program receives.
 
     Raises DefinitionError if the step computes in floats, if no error bound covers the law (see `CertifiedLaw.of`), or
     if the folder cannot be written.
@@ -224,8 +225,8 @@ CONTINUOUS = 1e-6
 class _Kernels:
     """The impulse-response kernels of the joints' loop as C arrays.
 
-    - `first`, `last`: first and last lag of each group.
-    - `growths`, `lengths`: kernel lengths in periods, and the largest growth rate for which each length suffices.
+    - `first`, `last`: first and last lag of each group [periods].
+    - `growths`, `lengths`: growth rates [1/s], and the kernel length that suffices up to each of them [periods].
     - `memory`: number of periods after which the kernel of the error is small.
     - `step`: distance between two inertia ratios of the table; 0 if it has only one.
     - `arrays`: the C arrays.
@@ -275,9 +276,11 @@ class _Kernels:
 
 
 def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
-    """Return the kernel lengths, and for each the largest growth rate, a multiple of 0.25, for which it suffices.
+    """Return growth rates [1/s], multiples of 0.25, and the kernel length that suffices up to each of them [periods].
 
-    The list ends at the largest growth rate for which kernels exist.
+    The last growth rate is the largest for which kernels exist.
+
+    - `p`: band of the inertia ratio, from 1/(1 + p) to 1/(1 - p).
     """
     lengths: dict[int, float] = {}
     for quarter in range(int(np.floor(2.0 * loop.decay)) + 1):
@@ -291,14 +294,19 @@ def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
 
 
 def _over_groups(kind: str, kernels: Mapping[str, LoopKernel], first: Places) -> Floats:
-    """Return a field of all outputs' kernels for each group of lags, its sum or largest value, [groups outputs]."""
+    """Return the sum or the largest value of a kernel field over each group of lags, [groups outputs].
+
+    - `kind`: name of the field, from `KINDS`.
+    - `kernels`: kernels by output.
+    - `first`: first lag of each group [periods].
+    """
     values = np.stack([getattr(kernels[name], kind) for name in USED], axis=1)
     combine = np.add if KINDS.index(kind) < SUMMED else np.maximum
     return np.asarray(combine.reduceat(values, first, axis=0))
 
 
 def _plan(plan: hand_over.HandOver, n: int) -> tuple[dict[str, Any], list[_Array]]:
-    """Return the C macros and arrays for the plan of a law with a sliding surface."""
+    """Return C macros by name, and C arrays, for the plan of a law with a sliding surface and n joints."""
     fine = plan.phi.shape[1]
     places = np.unique(np.round(np.linspace(1, fine - 1, PLACES)).astype(int))
 

@@ -67,7 +67,7 @@ class CProject:
     - `golden`: golden samples; None without tests.
     - `period`, `t1`: sample time and end time of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
-    - `start`: initial positions and velocities.
+    - `start`: initial positions and velocities of the joints.
     """
 
     name: str
@@ -150,7 +150,7 @@ class CProject:
 
     @property
     def golden_is_close(self) -> bool:
-        """True if the C test compares all members of the golden samples; False if only some, for a law in floats."""
+        """True if the C test compares all results. False for a law in floats with other constants than in doubles."""
         return self.real == "double" or has_float_constants(self.step.answered.program)
 
     @property
@@ -222,12 +222,12 @@ class CProject:
 
     @property
     def workspace(self) -> list[Member]:
-        """Members for values that depend only on the parameters."""
+        """Members of the workspace, the C structure for values that depend only on the parameters."""
         return self.source.workspace
 
     @property
     def outputs(self) -> list[Member]:
-        """Members of a command."""
+        """Members of the C structure of a command: torques and signals."""
         units = _joint_units([joint.tau for joint in self.joints])
         return [Member("tau", "f64", (len(self.joints),), f"torques [{units}]"), *self.step.signals]
 
@@ -242,7 +242,7 @@ class CProject:
         return self._marked(references(len(self.joints)), names)
 
     def bits(self, conditions: Iterable[Condition]) -> str:
-        """Return the C expression of a status, from C variables named as the conditions."""
+        """Return the C expression of a status: the bits of conditions whose C variables, of equal name, are true."""
         flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
         return "\n        | ".join(flags)
 
@@ -263,7 +263,7 @@ class CProject:
 
     @property
     def huge(self) -> str:
-        """A number near the largest one, as C source text."""
+        """A number near the largest finite number, as C source text."""
         return "1e308" if self.real == "double" else "1e38f"
 
     @property
@@ -377,7 +377,7 @@ def export_c(
 
 
 def describe_law(exported: CProject) -> dict[str, Any]:
-    """Return the content of `law.json`: the step's structures, for languages that do not read C headers."""
+    """Return the content of `law.json`: names, units, timing, structures and status bits, for languages without C."""
     return {
         "name": exported.name,
         "prefix": exported.prefix,
@@ -430,7 +430,7 @@ def write_files(exported: CProject, out: str | Path, templates: Mapping[str, str
 
 @contextmanager
 def writing(out: str | Path) -> Iterator[None]:
-    """Create the folder `out`; raise DefinitionError if the folder, or a file in the block, cannot be written."""
+    """Create the folder `out`; raise DefinitionError if it, or a file in the `with` block, cannot be written."""
     try:
         Path(out).mkdir(parents=True, exist_ok=True)
         yield
@@ -446,7 +446,9 @@ def project(
     command: str = "",
     with_golden: bool = True,
 ) -> CProject:
-    """Return the data that `export_c` writes; golden samples take most of the time.
+    """Return the exported law that `export_c` writes to files.
+
+    - `with_golden`: include golden samples, which take most of the time; other arguments as in `export_c`.
 
     Raises DefinitionError if there is no native code for the law, or the name is not valid in C.
     """

@@ -31,7 +31,7 @@ class FunctionBody:
     """Body of a C function.
 
     - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: stack of its variables, none of which share memory, and of the deepest call.
+    - `bytes`: its stack, if no two of its variables share memory, with the deepest call [bytes].
     """
 
     lines: list[str]
@@ -45,9 +45,10 @@ NO_BODY = FunctionBody([], 0)
 class SharedFunction:
     """A C function that the law's programs call more than once.
 
-    - `program`: what it computes.
+    - `program`: the operations of the function.
     - `name`: name in C.
-    - `arrays`: for each input, the parameter that all calls pass, which the body reads itself; None if calls differ.
+    - `arrays`: for each input of the program, the law parameter that all calls pass; the body reads it directly. None
+      if the calls differ: the input is an argument.
     - `body`: its body.
     - `derived`: body of the function that precomputes its values that depend only on the parameters.
     """
@@ -60,7 +61,7 @@ class SharedFunction:
 
     @property
     def local(self) -> list[str]:
-        """Names of its arguments, which no other variable may have."""
+        """Names of its arguments and of the array for its results, which no other variable may have."""
         return [RESULT, *(self.argument(k) for k in self.passed)]
 
     @property
@@ -98,10 +99,10 @@ class SharedFunction:
 
 
 class SharedFunctions:
-    """All functions that some programs call, each once even if several programs call it.
+    """The C functions that several programs call; equal functions become one.
 
     - `tops`: the calling programs, with the C arrays of their inputs.
-    - `taken`: names of other functions and types in C.
+    - `taken`: names of other functions and types in C, which these functions must not have.
     """
 
     def __init__(self, tops: Sequence[Function], taken: Iterable[str]) -> None:
@@ -128,12 +129,12 @@ class SharedFunctions:
         return self._known[id(program)][1]
 
     def callee(self, program: Program) -> Callee:
-        """Return the description of a call to the C function of a program."""
+        """Return name and arguments of a call to the C function of a program."""
         shared = self.of(program)
         return Callee(shared.name, ("parameters", "workspace"), shared.passed)
 
     def write(self, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
-        """Write the bodies of all functions.
+        """Set the bodies of all functions.
 
         - `helpers`: collects the small functions that they call.
         - `members`: collects the members of the workspace.
@@ -169,7 +170,7 @@ class SharedFunctions:
         shared.body = function_body(shared, dialect, shares, helpers, self, names, results, kept)
 
     def deepest(self, called: Sequence[Program]) -> int:
-        """Return the largest stack of a call to the function of one of these programs [bytes]."""
+        """Return the largest stack that a call to one of these programs' functions needs [bytes]; 0 for no program."""
         return max((self.of(program).body.bytes + FRAME for program in called), default=0)
 
 
@@ -189,7 +190,7 @@ class WorkspaceMembers:
 
         Values of the same array become an array if there are at least `LEAST`.
 
-        - `names`: names of the program that the values belong to.
+        - `names`: C names of the values in their program.
         """
         arrays: dict[object, list[Value]] = {}
         for value in values:
@@ -216,7 +217,7 @@ class WorkspaceMembers:
 
 
 def with_unused_arguments(lines: list[str], arguments: Sequence[str]) -> list[str]:
-    """Return a function's lines after `(void)` lines for the arguments that they do not read."""
+    """Return the lines of a C function after added lines `(void)name;` for the arguments that they do not read."""
     text = re.sub(r"/\*.*?\*/", "", "\n".join(lines), flags=re.DOTALL)
     # Whole words, and no members of structures: neither `at[0]` nor `then->t` reads `t`.
     return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
@@ -279,7 +280,7 @@ class StepSource:
 class StreamCode:
     """The filter of streamed positions in C.
 
-    - `options`, `state`: members of its structures.
+    - `options`, `state`: members of the C structures for its options and its state.
     - `body`: body of its step function.
     - `helpers`: lines of the small functions that the step calls.
     """
@@ -301,7 +302,7 @@ class StreamCode:
 
 
 CALLS = {"double": 640, "float": 512}
-"""Stack for calls [bytes]: return addresses, saved registers, arguments, intermediate results."""
+"""Stack for calls [bytes], by number type: return addresses, saved registers, arguments, intermediate results."""
 
 SPILLED = 1.4
 """Largest stack that a compiler which unrolls loops uses, relative to that of the variables."""
@@ -311,7 +312,7 @@ TAKEN = ("checked", "begun", "held", "within", "related", "derived", "kept_up", 
 
 
 def step_source(step: StepPrograms, dialect: Dialect) -> StepSource:
-    """Return the functions of a step in C."""
+    """Return the C source of all functions of a guarded step."""
     helpers = Helpers(dialect)
     sample = ("parameters", "measurement", "reference")
     if dialect.real == "float":
@@ -366,9 +367,9 @@ def function_body(
     - `arguments`: names of the C function's arguments.
     - `helpers`: collects the small functions that it calls.
     - `library`: the shared functions that it may call.
-    - `names`: names of its values; None for those of the Python source and of the signals.
-    - `assigned`: the lvalues that it assigns, with their values; None for the program's outputs.
-    - `kept`: values that are precomputed, with the C expressions that read them.
+    - `names`: C names of its values; None for the names in the Python source, and of the signals.
+    - `assigned`: the C lvalues that it assigns, with their values; None for the program's outputs.
+    - `kept`: precomputed values, with the C expressions that read them.
     """
     if isinstance(function, Function):
         names = names or Names(function.program, _outputs(function))
@@ -399,7 +400,7 @@ def _fitted(function: Function) -> Function:
 
 
 def _outputs(function: Function) -> dict[Value, str]:
-    """Return names for the values of signals, so that a reader recognises them in the C code."""
+    """Return the signal's name for each value that is a signal, so that a reader recognises it in the C code."""
     return {
         value: array.member.name + index_suffix(k, array.member.shape)
         for array, output in zip(function.outputs, function.program.outputs, strict=True)

@@ -28,7 +28,7 @@ from .status import Flag
 
 
 def comment(text: str) -> str:
-    """Return a text in ASCII that neither begins nor ends a C comment."""
+    """Return a text for the inside of a C comment: in ASCII, without backquotes and comment delimiters."""
     return to_ascii(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
 
 
@@ -75,10 +75,10 @@ class Member:
 
 
 def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> list[Member]:
-    """Return a member for each array in a tree, in the order of its leaves.
+    """Return a structure member for each array in a tree, in the order of the tree's leaves.
 
     - `tree`: a module with arrays, or their shapes.
-    - `strip`: leading path parts to omit from names.
+    - `strip`: names that are omitted from a member's name where they begin the path to its array.
     - `values`: True if the arrays are the members' defaults.
 
     Raises DefinitionError if two members would have the same name.
@@ -110,7 +110,9 @@ def _part_of_path(key: Any) -> str:
     for field in ("name", "key", "idx"):
         if hasattr(key, field):
             return str(getattr(key, field))
-    raise DefinitionError(f"`{key}` has no name in C; use modules, tuples, lists and dictionaries")
+    raise DefinitionError(
+        f"`{key}`, in the path to a parameter, has no name in C: keep arrays in modules, tuples, lists or dictionaries"
+    )
 
 
 def _meaning(tree: Any, path: Sequence[Any]) -> str:
@@ -169,8 +171,9 @@ class ParameterBounds(NamedTuple):
 def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
     """Return the bounds of each array in a tree, in the order of its leaves; None for integers and booleans.
 
-    A bound that is another parameter is left out. An open end is replaced by the next number of the type `real` inside
-    the range; an open end at zero by the smallest normal number. Arrays without a declared range must be finite.
+    An open end is replaced by the next number of the C type `real` inside the range, and an open end at zero by the
+    smallest normal number. An end that is infinite and open, or another parameter, is replaced by the largest finite
+    number. Arrays without a declared range must be finite.
     """
     kind = np.float64 if real == "double" else np.float32
     largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
@@ -197,7 +200,7 @@ def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
 
 
 def related_valid(tree: Any) -> Flag:
-    """True if every parameter whose range depends on another parameter is in that range."""
+    """True if each parameter in a tree is in its range, as far as the range depends on other parameters."""
     conditions = []
     for part, parameter, value in declared_arrays(tree):
         if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
@@ -211,7 +214,7 @@ def related_valid(tree: Any) -> Flag:
 
 
 def declared_arrays(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
-    """Yield for each array the object that has it, its declaration (None if it has none), and the array."""
+    """Yield for each array in a tree: the object that has it, its parameter declaration or None, and the array."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         owner, parameter = None, None
         for place, key in _objects_on_path(tree, path):
@@ -225,7 +228,7 @@ def declared_arrays(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
 
 
 def render(template: str, values: dict[str, Any]) -> str:
-    """Render a template, such as `step.c.j2` or `franka/main.cpp.j2`."""
+    """Return the text of a template, such as `step.c.j2` or `franka/main.cpp.j2`, for the values of its variables."""
     environment = Environment(
         loader=PackageLoader(str(__package__)),
         autoescape=False,

@@ -88,7 +88,7 @@ ABSENT: dict[str, tuple[str, ...]] = {
     "fmi3GetOutputDerivatives": (*THESE, "const fmi3Int32 orders[]", "fmi3Float64 values[]", "size_t nValues"),
     "fmi3ActivateModelPartition": ("fmi3ValueReference clockReference", "fmi3Float64 activationTime"),
 }
-"""Functions of FMI 3.0 that the unit does not support: their arguments after the instance, by name."""
+"""C arguments, after the instance, of the functions of FMI 3.0 that the FMU does not support; by function name."""
 
 
 OPTIONS = ("-std=c99", "-O2", "-g0", "-fPIC", "-ffp-contract=off", "-fvisibility=hidden", "-shared")

@@ -67,7 +67,10 @@ def parse_unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
 
 
 def _product(tokens: list[str]) -> dict[str, int]:
-    """Return the exponents of a product; remove its tokens, up to the closing parenthesis if it has one."""
+    """Return the exponents of the base units in a product of units.
+
+    - `tokens`: parts of the text. Those of the product are removed, up to its closing parenthesis if there is one.
+    """
     exponents: dict[str, int] = {}
     divided = False
     while tokens:
@@ -139,7 +142,10 @@ class Variable:
 
 
 def variables(exported: CProject, *, with_envelope: bool) -> list[Variable]:
-    """Return all variables; the index in the list is the value reference."""
+    """Return the variables of a law's FMU; the index in the list is the value reference.
+
+    - `with_envelope`: True for a law with an envelope, whose errors, bounds and margins become outputs.
+    """
     revolute = [joint.q == "rad" for joint in exported.joints]
     second = parse_unit("s")
     listed = [Variable("time", "real", "independent", "now", "time of the importer", second)]

@@ -125,9 +125,9 @@ def _drawn(
 
 
 def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) -> Vector:
-    """Return an error inside the envelope; without an envelope, within 0.5 rad or 0.5 m.
+    """Return a tracking error inside the envelope [n]; without an envelope, within 0.5 rad or 0.5 m.
 
-    - `share`: error relative to its bound, in [-1, 1] [n].
+    - `share`: wanted size of the error relative to its bound, in [-1, 1] [n].
     """
     side = State(q=reference.q + 1e-6 * jnp.sign(share), dq=reference.dq)
     envelope = guard.envelope(t, guard.init(t, side, reference))
@@ -157,8 +157,8 @@ class Recording:
     """Samples of a closed loop, each array with the sample as first axis.
 
     - `samples`: the step's inputs.
-    - `tau`: commanded torque [k n]; an actuator may deliver another torque.
-    - `status`: status of each sample [k].
+    - `tau`: commanded torque [samples n]; an actuator may deliver another torque.
+    - `status`: status of each sample [samples].
     """
 
     samples: StepSample
@@ -251,7 +251,7 @@ class GoldenSamples:
 
 
 def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> GoldenSamples:
-    """Return golden samples from the scenario's closed loop, from random states, and with bad numbers.
+    """Return golden samples from a scenario's closed loop, from random states, and with bad numbers.
 
     Samples whose status depends on the inputs' last digits are left out.
 
@@ -300,7 +300,7 @@ def _of_the_run(scenario: Scenario, guard: GuardedStep) -> StepSample:
 
 
 def _rounded(tree: Any) -> Any:
-    """Round the numbers of a tree to floats, stored as doubles."""
+    """Return a tree with its numbers rounded to single precision, but stored as doubles."""
     return jax.tree.map(
         lambda x: x.astype(jnp.float32).astype(x.dtype) if jnp.issubdtype(x.dtype, jnp.inexact) else x, tree
     )
@@ -309,10 +309,11 @@ def _rounded(tree: Any) -> Any:
 def sample_sensitivity(
     guard: GuardedStep, samples: StepSample, command: Command, status: Status, last_digit: float
 ) -> tuple[np.ndarray, list[int]]:
-    """Return the change of the command with the inputs' last digit, and the samples whose status does not change.
+    """Change the last digits of all inputs at random; return the largest changes, and the samples of unchanged status.
 
-    The changes are [samples leaves], one for each leaf of the command; the samples are indices.
+    The changes are those of the command [samples leaves], one for each leaf of the command; the samples are indices.
 
+    - `command`, `status`: results for the unchanged inputs.
     - `last_digit`: size of the last digit, relative to the number.
     """
     rng = np.random.default_rng(3)

@@ -107,12 +107,12 @@ class GuardedStep(AbstractController):
     ) -> GuardedStep:
         """Put guards around a law.
 
-        A sampled-data law has its own period and gate, which the guards use. `limits` then become the law's limits, or
-        only those of the commands if its drives map commands to torques.
-
-        - `limits`: limits of torque and torque rate, as numbers for all joints or [n].
+        - `controller`: the law. The guards use the period and the gate of a sampled-data law.
+        - `limits`: limits of torque and torque rate, as numbers for all joints or [n]. They replace the limits of a
+          sampled-data law; but if its drives map commands to torques, they limit only the commands.
         - `period`: time between two samples [s]; not used for a sampled-data law.
-        - `gate`: gate for another law; None for `MeasurementGate.of_arm` of its nominal arm.
+        - `gate`: check of the measurements; not used for a sampled-data law. None for `MeasurementGate.of_arm` of the
+          law's nominal arm.
         """
         require_sound_law(controller)
         n = controller.joints
@@ -192,9 +192,11 @@ class GuardedStep(AbstractController):
         }
 
     def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
-        """Return the memory before the first good sample.
+        """Return the memory with which the law starts at its first good sample.
 
         Its `started` is False if the law's initial memory is not finite.
+
+        - `memory`: memory before this sample; it has the last command, if there was one.
         """
         law = self.controller.init(t, state, reference)
         tau, gate = memory.tau, None
@@ -213,7 +215,7 @@ class GuardedStep(AbstractController):
         return replace(memory, started=started, t=before, tau=tau, outside=jnp.zeros(()), law=law, gate=gate)
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
-        """Return memory and flags after a step that holds the last command, within the current torque limits."""
+        """Return the memory after a step that holds the last command within the torque limits, and the step's flags."""
         # Before the first command, `tau` is the gravity torque from which the rate limit counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
@@ -309,9 +311,10 @@ class GuardedStep(AbstractController):
         return self.controller.envelope(t, memory.law)
 
     def wanted_then(self, reference: Reference) -> Vector:
-        """Return the reference positions at the time of the measurement [n].
+        """Return the reference positions at the time when the measurement was taken [n].
 
-        They differ from `reference.q` if the law knows that the measurement is older than the dead time.
+        For a law without transport delay they are `reference.q`. With transport delay T, which the law takes to be
+        `believed_delay - dead_time` periods, they are `q - T dq` of the reference.
         """
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
@@ -360,7 +363,7 @@ class GuardedStep(AbstractController):
 
 
 def own_plant(scenario: Scenario) -> Plant:
-    """Return the plant that slidax itself integrates, also for a scenario whose arm MuJoCo simulates."""
+    """Return a scenario's plant for slidax's own simulator, also if MuJoCo simulates the scenario's arm."""
     return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
 
 

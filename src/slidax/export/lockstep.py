@@ -1,4 +1,4 @@
-"""The sampled loop run sample by sample without real time, its log, and the replay of a log."""
+"""Run a sampled loop sample by sample without waiting for real time, write its log, and replay a log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LockstepResult:
-    """Columns of a sampled loop by name: `law` has one row per torque of the law, `arm` one row per tick of the arm."""
+    """Result of `lockstep`: the columns of its log.
+
+    - `channels`: joints, signals and status bits in the log.
+    - `law`: columns by name, one row for each torque that the law computed.
+    - `arm`: columns by name, one row for each tick of the simulated arm.
+    """
 
     channels: Channels
     law: dict[str, np.ndarray]
@@ -35,7 +40,8 @@ def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> Lockste
     """Run a scenario's loop sample by sample, in the machine code of the real-time loop, but without waiting.
 
     - `samples`: number of samples.
-    - `transport`: as in `arm_plan`; 1 reproduces the real-time loop of two processes if neither is ever late.
+    - `transport`: periods from a measurement to the torque that answers it, 0 or 1. With 1 the result is that of the
+      real-time loop of two processes, if neither process is ever late.
 
     Raises DefinitionError if the scenario cannot run sample by sample or llvmlite is not installed; NoNativeCodeError
     if an operation of the scenario has no machine code.
@@ -69,7 +75,7 @@ CHUNK = 500
 
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
-    """Return the attachments of a log: the scenario's description, and the files that it names.
+    """Return the attachments of a log by file name: the scenario's description, and the files that it names.
 
     Changes by `Scenario.replace` are not part of the description.
     """
@@ -80,8 +86,8 @@ def attachments_of(scenario: Scenario) -> dict[str, bytes]:
 def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
     """Return the metadata of a log.
 
-    - `made_by`: "run" or "loop".
-    - `seconds`: planned duration.
+    - `made_by`: command that writes the log, "run" or "loop".
+    - `seconds`: planned duration [s].
     """
     return {
         "slidax": slidax.__version__,
@@ -141,7 +147,7 @@ class Replay:
     - `first`: the first difference; None if there is none.
     - `largest`: largest difference of a torque [N m or N].
     - `joints`, `bits`: names of the joints, and of the status bits.
-    - `unknown`: number of answers that were not compared, since they depend on an answer that the log has lost.
+    - `unknown`: number of answers that were not compared, since they depend on an answer missing in the log.
     """
 
     answers: int
@@ -194,9 +200,12 @@ def replay(log: SavedLog) -> Replay:
     plan = law_plan(scenario)
     rows = len(log.law["k"])
     if not rows:
-        raise DefinitionError(f"`{log.path}` contains no answers of a law")
+        raise DefinitionError(f"`{log.path}` has no torque computed by a law, so that it cannot be replayed")
     if plan.channels != log.channels:
-        raise DefinitionError(f"`{log.path}` differs in joints or signals from the law of its own scenario")
+        raise DefinitionError(
+            f"`{log.path}` has other joints or signals than the law of the scenario in it: replay it with the "
+            "version of slidax that wrote it"
+        )
     law = LawSide(plan.plan, scenario.period)
     samples = np.zeros(rows, plan.sample)
     for name in plan.sample.names or ():

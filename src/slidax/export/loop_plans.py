@@ -33,7 +33,7 @@ WORD = 8
 
 
 class Planner:
-    """Allocate arrays in one block of memory, and compile code with their addresses.
+    """Allocate arrays in one block of memory, and compile code for them. A slot is an array's position in the block.
 
     Raises DefinitionError if llvmlite is not installed.
     """
@@ -50,7 +50,7 @@ class Planner:
         self._regions: dict[str, tuple[int, int]] = {}
 
     def allocate(self, tree: Any, name: str = "") -> Any:
-        """Allocate each array of a tree; return the tree of slots.
+        """Allocate each array of a tree; return a tree of their slots.
 
         - `tree`: arrays with their initial values; or shapes, whose arrays start as zeros.
         - `name`: name of the region that the arrays form together; empty for a region without a name.
@@ -75,19 +75,22 @@ class Planner:
         self._regions[name] = (first.offset, -(-last.end // WORD) * WORD)
 
     def code(self, name: str, kernel: llvm.Kernel, inputs: Any, outputs: Any) -> None:
-        """Add machine code; `inputs` and `outputs` are trees of slots in the kernel's order."""
+        """Add machine code under a name; `inputs` and `outputs` are trees of slots in the order of the kernel."""
         slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
         shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
         assert [slot.shape for slot in slots] == shapes
         self._routines[name] = MachineCode(kernel.object, kernel.entry, tuple(slot.offset for slot in slots))
 
     def compile(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any) -> None:
-        """Compile a function of trees of arrays, and add its code; the other arguments are those of `code`."""
+        """Compile a function of trees of arrays, and add its code under a name.
+
+        - `inputs`, `outputs`: trees of the slots that the code reads, one for each argument, and writes.
+        """
         shapes = jax.tree.map(lambda slot: jax.ShapeDtypeStruct(slot.shape, slot.dtype), inputs, is_leaf=_is_slot)
         self.code(name, kernel(function, *shapes)[0], inputs, outputs)
 
     def plan(self) -> CodePlan:
-        """Return the code and the memory of all calls so far."""
+        """Return all code that has been added, and the memory that has been allocated with its initial content."""
         return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
 
     def _put(self, array: Any) -> Slot:
@@ -108,6 +111,8 @@ class Planner:
 
 def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
     """Compile a function from trees of arrays to a tree of arrays; return the code and the result's shapes.
+
+    - `args`: the function's arguments, as arrays or as their shapes.
 
     Raises NoNativeCodeError if an operation of the function has no machine code.
     """
@@ -140,7 +145,7 @@ class LawPlan:
     - `plan`: its code and memory.
     - `row`: dtype of a row: inputs, results and times of one sample.
     - `sample`: dtype of a row's inputs: time, measurement, reference.
-    - `channels`: channels of its log.
+    - `channels`: joints, signals and status bits in its log.
     """
 
     plan: CodePlan
@@ -247,7 +252,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
 
 
 def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
-    """Return the dtype of a row, which is the region from the slot `first` to the slot `last`."""
+    """Return the dtype of a row: the memory from the slot `first` to the slot `last`, with a slot for each field."""
     return np.dtype(
         {
             "names": list(fields),
@@ -288,7 +293,7 @@ class ArmPlan:
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """Return the columns of rows by their names in a log.
 
-        - `rows`: bytes, one row of `row.itemsize` bytes per sample.
+        - `rows`: bytes, one row of `row.itemsize` bytes per tick.
         """
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         return {name: table[name] for name in self.row.names or ()}
@@ -326,7 +331,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
     if own.transmission is not None:
         raise DefinitionError(
-            "an arm that is moved sample by sample has neither LuGre friction nor elastic joints: leave `transmission` "
+            "an arm that is moved sample by sample cannot have LuGre friction or elastic joints: leave `transmission` "
             "out, or run the scenario with `slidax run`"
         )
     stepping = scenario.stepping
@@ -422,7 +427,11 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
 
 
 def _first(sensor: AbstractSensor | None, state: State, period: Scalar, transport: int) -> tuple[Any, State]:
-    """Return the sensor's memory before tick 0, and the measurement with which the loop starts."""
+    """Return the sensor's memory before tick 0, and the measurement with which the loop starts.
+
+    - `state`: the arm's state at that measurement.
+    - `transport`: as in `arm_plan`.
+    """
     if sensor is None:
         return (), state
     memory = sensor.init(state)

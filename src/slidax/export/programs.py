@@ -100,7 +100,7 @@ class StepPrograms:
     - `held`: function that holds the command at a bad sample.
     - `begun`: function that computes the memory at the first good sample.
     - `valid`: function that checks parameters whose ranges depend on other parameters.
-    - `parameters`, `memory`, `signals`: members of the structures.
+    - `parameters`, `memory`, `signals`: members of the C structures for parameters, memory and signals.
     - `bounds`: bounds of the numbers of each parameter; None for integers and booleans.
     """
 
@@ -116,7 +116,7 @@ class StepPrograms:
 
 
 def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
-    """Trace the programs of a guarded step.
+    """Trace the functions of a guarded step into programs, from which C code is written.
 
     - `guard`: the step, with the parameters' defaults.
     - `real`: number type in C, "double" or "float".
@@ -204,7 +204,7 @@ def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
 
 
 def arm_program(plant: Plant) -> Function:
-    """Trace the acceleration of the scenario's disturbed arm as a function of time, state and torque."""
+    """Trace the acceleration of the arm in a plant, with disturbances, as a function of time, state and torque."""
     long, short = _tables(plant)
 
     def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
@@ -222,7 +222,7 @@ def arm_program(plant: Plant) -> Function:
 
 
 def stream_program(stream: StreamFilter, joints: int) -> tuple[Function, list[Member], list[Member]]:
-    """Trace the filter of streamed positions; return its step, and the members of its options and of its state."""
+    """Trace the filter of streamed positions; return its step, the members of its options, and those of its state."""
     names = ("bandwidth", "velocity", "acceleration", "jerk", "lower", "upper")
     wide = [jnp.broadcast_to(getattr(stream, name), (joints,)) for name in names]
     stream = eqx.tree_at(lambda part: [getattr(part, name) for name in names], stream, wide)
@@ -268,7 +268,7 @@ def _is_robot(node: Any) -> bool:
 
 
 def _tables(tree: Any) -> tuple[Any, Any]:
-    """Split a tree into its arrays with at least `LONG` elements, and all else."""
+    """Split a tree into two of equal structure: its arrays with at least `LONG` elements, and all other leaves."""
     return eqx.partition(tree, lambda leaf: eqx.is_array(leaf) and leaf.size >= LONG)
 
 
@@ -281,7 +281,7 @@ def _table_members(long: Any, owner: str) -> list[Member]:
 
 
 def measurement(joints: int) -> list[Member]:
-    """Return the members of a measurement."""
+    """Return the members of the C structure of a measurement: time, positions, velocities."""
     return [
         Member("t", "f64", (), "time since the start of the motion [s]"),
         Member("q", "f64", (joints,), "positions"),
@@ -290,7 +290,7 @@ def measurement(joints: int) -> list[Member]:
 
 
 def references(joints: int) -> list[Member]:
-    """Return the members of a reference, now and one period later."""
+    """Return the members of the C structure of a reference: positions and derivatives, now and one period later."""
     words = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
     return [Member(name, "f64", (joints,), f"{word} now") for name, word in words.items()] + [
         Member(f"{name}_next", "f64", (joints,), f"{word} one period later") for name, word in words.items()
@@ -330,7 +330,7 @@ MEANINGS = {
 
 
 def envelope_members(joints: int) -> list[Member]:
-    """Return the members of the structure that the function of `envelope_function` fills."""
+    """Return the members of the C structure with errors, bounds and margins of the envelope."""
     return [Member(name, "f64", (joints,), meaning) for name, meaning in MEANINGS.items()]
 
 
@@ -393,7 +393,7 @@ def with_float_constants(program: Program) -> Program:
 
 
 def has_float_constants(program: Program) -> bool:
-    """True if `with_float_constants` changes no constant of a program for doubles."""
+    """True if a program's constants fit floats as well as doubles, so that `with_float_constants` changes none."""
     return all(
         float_constant(value.data) == value.data
         for value in program.walk()
@@ -402,7 +402,7 @@ def has_float_constants(program: Program) -> bool:
 
 
 def float_constant(number: float) -> float:
-    """Return the constant for floats that replaces a constant for doubles."""
+    """Return the constant for floats that replaces a constant for doubles; the same number if it fits both."""
     size = abs(number)
     if TOLERANCES[0] < size < TOLERANCES[1]:
         return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))

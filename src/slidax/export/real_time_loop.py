@@ -44,7 +44,7 @@ class LoopResult:
     - `period`: time between two ticks [s].
     - `ticks`: number of ticks of the arm.
     - `answers`: number of samples at which the law computed a torque.
-    - `times`: measured times [s], by title.
+    - `times`: measured durations and latencies [s], one per sample or tick, by title.
     - `law`, `arm`: reports of the two processes; None for a process that was killed.
     - `outside`: number of ticks at which a joint was at or outside its envelope before the arm braked; None without an
       envelope.
@@ -159,7 +159,7 @@ class LoopResult:
 
 @dataclass
 class LoopRecorder:
-    """Recorder of a loop's rows.
+    """Recorder of a loop's rows. A row has the data of one sample of the law, or of one tick of the arm.
 
     - `law`, `arm`: plans of the two processes, with the layouts of their rows.
     - `period`: time between two ticks [s].
@@ -210,9 +210,9 @@ class LoopRecorder:
         )
 
     def _judged(self, whole: dict[str, np.ndarray]) -> tuple[int | None, list[float] | None]:
-        """Return the number of ticks outside the envelope and the margin of each joint, both from the true error.
+        """Return the number of ticks outside the envelope and the smallest margin of each joint, from the true error.
 
-        The envelope's bounds are interpolated at ticks for which the law computed no torque.
+        Both are None without an envelope. Its bounds are interpolated at ticks for which the law computed no torque.
         """
         if not self.law.channels.bounded or not len(whole["k"]):
             return None, None

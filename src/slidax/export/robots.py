@@ -302,7 +302,7 @@ class RobotLimits:
         return self.dialect.number(number, "f64")
 
     def shown(self, numbers: Sequence[float]) -> str:
-        """Return numbers for a comment; a single number if all are equal."""
+        """Return numbers as text for a comment: a single number if all are equal, "none" for infinity."""
         texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
         return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
@@ -395,7 +395,7 @@ def write_onboard(
 
     The exported step must already be in the folder `law` of `out`.
 
-    - `programs`: additional Python programs by file name; a function or class stands for its module.
+    - `programs`: additional Python programs by file name: a function or class of the module that is copied.
     - `names`: joint names, for programs that address joints by name.
     - `sources`: names of additional C sources that have a header each, without the law's prefix.
     - `more`: additional values for `law.json`.

@@ -62,7 +62,8 @@ def ros_parameters(
 
     - `allowed`: limits of the robot.
     - `joint_names`: joint names of the hardware interfaces, in the law's order.
-    - `guaranteed`: default of the largest guaranteed error of a goal [n]; None without the admission of motions.
+    - `guaranteed`: default of the largest error bound with which a goal is accepted [n], rad or m; None if goals are
+      accepted without a guarantee.
     """
     n = len(joint_names)
     rows = [
@@ -121,7 +122,7 @@ def ros_parameters(
         rows += [
             RosParameter("guarantee.required", "bool", "true", "accept only goals inside the guarantee of the law"),
             RosParameter("guarantee.error", "double_array", as_list(map(_number, guaranteed)), meaning, size),
-            RosParameter("guarantee.assume_steps", "bool", "false", "without a proof of the torque's rate limit"),
+            RosParameter("guarantee.assume_steps", "bool", "false", "admit without a proof of the torque's rate limit"),
         ]
     return rows + [_of_the_law(member) for member in project.parameters if _settable(member)]
 
@@ -170,7 +171,7 @@ def _of_the_law(member: Member) -> RosParameter:
 
 
 def _checks(meaning: str, *, vector: bool) -> tuple[tuple[str, str], ...]:
-    """Return the validators for the range at the end of a meaning; none unless the bounds are numbers."""
+    """Return the validators for the range at the end of a parameter's meaning; none if a bound is not a number."""
     low = re.search(r", (>=?) (-?[\d.e-]+)(?:, infinite for no limit)?$", meaning)
     if low is not None:
         sign, bound = low.groups()

@@ -136,7 +136,7 @@ ANSWERED = (
 """Conditions that a step can report after the law has run."""
 
 WAITING = (STOP_REQUESTED,)
-"""Conditions that a step with a held command can report in addition to the fault of the sample."""
+"""Conditions that a step with a held command can report in addition to those of the bad sample."""
 
 CONDITIONS = (*CHECKED, *ANSWERED, PARAMETERS_INVALID)
 """All conditions, in the order of their bits."""

@@ -27,9 +27,10 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
     """Write the identified arm to a file that `robot: {kind: identified, file: ...}` reads.
 
     The section `robot` is the arm's description as in scenario files, with the identified parameters. The section
-    `uncertainty` is the set that contains the true arm with the band's confidence. For an arm without a band it lists
+    `uncertainty` is the confidence region of the true arm (`Identification.band`). For an arm without a band it lists
     the standard error of each parameter. The sections `torque_offset`, `torque_asymmetry`, `torque_stribeck` and
-    `torque_ripple_N_cos` are the terms that have no key in an arm's description.
+    `torque_ripple_N_cos` are identified torque terms for which an arm's description has no key. The sections
+    `actuator` and `actuator_map` have the identified actuator map and its standard errors.
 
     - `identification`: the identified arm.
     - `robot`: the arm's description before identification, such as `{"kind": "panda"}`.
@@ -100,7 +101,7 @@ def arm_as_yaml(identification: Identification, robot: Mapping[str, Any], folder
 
 
 def _band_lines(band: Band) -> list[str]:
-    """Lines with sets that hold simultaneously: the band of the inertial parameters, and intervals of friction."""
+    """Return the YAML lines of a band: the set of the inertial parameters, and the intervals of friction."""
     lines = [
         f"  # {band}",
         "  robot.plant.inertial:",

@@ -19,10 +19,10 @@ from .regressor import (
 )
 
 DRAWS = 1000
-"""Number of errors that are drawn from their distribution to determine the region's size."""
+"""Number of random parameter errors from which the region's size is determined."""
 
 CHUNK = 250
-"""Number of drawn errors whose bounds are refined together."""
+"""Number of random parameter errors whose bounds are refined together."""
 
 INTERVALS = ("armature", "coulomb", "viscous")
 """Drive parameters for which the band has intervals."""
@@ -32,24 +32,27 @@ INTERVALS = ("armature", "coulomb", "viscous")
 class Band:
     """Simultaneous confidence region of an arm's parameters: with `confidence`, all its bounds hold together.
 
-    The true arm is within a relative distance p of the identified one in the sense that
+    The true arm's mass matrix M, with payload and rotors, is within a relative distance p of the identified arm's M₀:
 
         (1 - p) M₀(q) ≤ M(q) ≤ (1 + p) M₀(q)   for every q,                                                  (1)
 
-    as matrix inequalities, with M₀ the mass matrix of the identified arm, payload and rotors included. The region is
-    defined by this inequality. `MassBound` proves it for a parameter error, for all q and not only for samples of q.
-    A log determines only the base parameters. The others do not change M, C and G, and p does not depend on them.
+    as matrix inequalities. The region is defined by this inequality. `MassBound` proves it for a parameter error, for
+    all q and not only for samples of q. A log determines only the base parameters: the combinations of parameters that
+    change M, C and G. The distance p does not depend on other combinations.
 
-    For the torque along a motion the region has a second bound. The errors of the base parameters lie in an ellipsoid,
-    and the maximum of Y Δφ over an ellipsoid has a closed form (`torque_error`):
+    A second bound is for the torque along a motion. Let φ be the arm's inertial parameters (`arm_parameters`), φ₀ those
+    of the identified arm, and Y the regressor with `M q̈ + C q̇ + G = Y φ`. The errors `Δφ = φ - φ₀` of the base
+    parameters lie in an ellipsoid, over which the maximum of Y Δφ has a closed form (`torque_error`):
 
         |τ(q, q̇, q̈) - τ₀(q, q̇, q̈)|_i ≤ |Y_i(q, q̇, q̈) Dᵀ|,   τ = M q̈ + C q̇ + G,                               (2)
 
-    with D the matrix `deviations`. The second bound includes the errors of C and G.
+    with τ₀ the identified arm's torque, Y_i row i of Y, and D the matrix `deviations`. The second bound includes the
+    errors of C and G.
 
     - `confidence`: confidence that all bounds hold together, for normally distributed errors with the fit's covariance.
     - `p`: relative distance in (1).
-    - `armature`, `coulomb`, `viscous`: intervals, lower and upper ends [2 n]; empty [2 0] if not identified.
+    - `armature`, `coulomb`, `viscous`: intervals of each joint's rotor inertia and friction coefficients, lower ends,
+      then upper ends [2 n]; empty [2 0] if not identified.
     - `deviations`: D, r deviations of φ that span the ellipsoid [r 11n], each in the order of `arm_parameters`. The
       ellipsoid is the set of all `φ₀ + ξ D` with `|ξ| ≤ 1`.
     - `links`: True if links were identified; False if their parameters are taken as exact.
@@ -64,7 +67,7 @@ class Band:
     links: bool
 
     def torque_error(self, robot: Articulated, motion: JointMotion) -> np.ndarray:
-        """Return the largest torque error over all arms of the region, without friction, [k n].
+        """Return the bound (2) of each joint's torque error along a motion, without friction torques, [k n], N m or N.
 
         - `robot`: the identified arm.
         - `motion`: the motion at k times.
@@ -104,8 +107,8 @@ class EstimateErrors:
 def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
     """Return the band of an identified arm.
 
-    Each bound gets the same individual level: the lowest at which all bounds hold together with `confidence`. The level
-    comes from errors drawn from their distribution, with a fixed seed.
+    Each bound by itself holds with the same probability, the lowest for which all bounds hold together with
+    `confidence`. This probability comes from random parameter errors with the estimate's covariance and a fixed seed.
 
     - `robot`: the identified arm.
     - `estimate`: its parameters, with the covariance of their errors.
@@ -148,7 +151,7 @@ def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float =
 
 
 def arm_parameters(robot: Articulated) -> np.ndarray:
-    """Return the links' inertial parameters, then the rotor inertias, [11n].
+    """Return an arm's inertial parameters φ [11n]: ten per link as in `parameters_of_body`, then the rotor inertias.
 
     The payload is included in the link that carries it.
 
@@ -165,7 +168,7 @@ def arm_parameters(robot: Articulated) -> np.ndarray:
 
 
 def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
-    """Return Y with `M q̈ + C q̇ + G = Y φ`, φ as from `arm_parameters`, [k n 11n].
+    """Return the regressor Y with `M q̈ + C q̇ + G = Y φ`, φ as from `arm_parameters`, [k n 11n].
 
     - `robot`: the arm; only its geometry is used.
     - `motion`: the motion at k times.
@@ -174,10 +177,12 @@ def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
 
 
 def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
-    """Return an orthonormal basis of the base parameters [11n r], and a scale for each entry of φ [11n].
+    """Return an orthonormal basis of the base parameters in units of a scale [11n r], and this scale [11n].
 
-    The basis spans the row space of Y at random states. The entries of Y are analytic functions of the state:
-    a combination that gives no torque at so many random states never gives a torque.
+    The base parameters are the combinations of φ (as from `arm_parameters`) that change the torque. The scale of an
+    entry of φ is the inverse of its column's root mean square in the regressor Y. The basis spans the row space of the
+    scaled Y at random states. The entries of Y are analytic functions of the state: a combination that gives no torque
+    at so many random states never gives a torque.
 
     - `robot`: the arm; only its geometry is used.
     """
@@ -194,7 +199,7 @@ def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _to_arm(robot: Articulated, estimate: EstimateErrors) -> np.ndarray:
-    """Matrix from the unknowns to the parameters of the arm, [11n p]."""
+    """Return the matrix that maps the fit's p unknowns to the arm's parameters (`arm_parameters`), [11n p]."""
     n = robot.joints
     to_arm = np.zeros(((BODY + 1) * n, len(estimate.names)))
     for start in estimate.bodies:
@@ -221,7 +226,7 @@ def _from_tip(robot: Articulated) -> np.ndarray:
 
 
 def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
-    """Return the bound of each error; at least the given share of them, the largest, is refined."""
+    """Return the bound p of each parameter error [s]; at least the largest ones, a share of all, are refined."""
     bounds = bound.of(errors, refine=False)
     order = np.argsort(-bounds)
     count = int(np.ceil(share * len(errors))) + 1
@@ -237,9 +242,11 @@ def _tail(bound: MassBound, errors: np.ndarray, share: float) -> np.ndarray:
 
 
 def _simultaneous_values(statistics: np.ndarray, confidence: float) -> np.ndarray:
-    """Return a quantile of each statistic [s], at the lowest common level at which all hold with `confidence`.
+    """Return an upper bound of each statistic [s], so that all bounds hold together with `confidence`.
 
-    - `statistics`: values of the statistics for each draw [s draws].
+    Each bound is a quantile of its statistic, at the lowest common level.
+
+    - `statistics`: values of the statistics for each random draw [s draws].
     """
     ordered = np.sort(statistics, axis=1)
     draws = statistics.shape[1]

@@ -61,11 +61,12 @@ def require_torques(
     usable: np.ndarray,
     conventions: Conventions,
 ) -> None:
-    """Raise a DefinitionError if the torques contradict the arm and fit it with another convention.
+    """Raise a DefinitionError if the torques contradict the arm, but fit it with other units, signs or joint orders.
 
     - `log`: the log in the arm's units and joint order, as far as known.
-    - `signals`: signals of the log in a band of a few Hz.
+    - `signals`: the log's signals, low-pass filtered to a few Hz.
     - `usable`: True for joints whose torques are used [n].
+    - `conventions`: units, signs and joint order that were already applied to the log.
     """
     sample = torque_sample(signals, usable)
     match = match_torques(robot, sample)
@@ -96,8 +97,9 @@ def require_torques(
 
 
 def torque_sample(signals: LogSignals, usable: np.ndarray) -> TorqueSample:
-    """Return a log at a few times, without the torques of joints that are not used.
+    """Return a log's motion and torques at up to 240 times; the torques of joints that are not used do not count.
 
+    - `signals`: the log's signals.
     - `usable`: True for joints whose torques are used [n].
     """
     sample = sample_of(signals, mark_moving(signals))
@@ -172,7 +174,8 @@ def _repairs(
 
 
 USELESS, POOR = 1.0, 0.2
-"""Error of the predicted torque, as a share of the torque's standard deviation, for a refusal and for a warning."""
+"""Error of the predicted torque, as a share of the torque's standard deviation, above which the result is refused, or
+gets a warning."""
 
 NOISE_ALONE = 0.6
 """Noise of a torque, as a share of the torque's standard deviation, above which the torque counts as noise alone."""

@@ -58,7 +58,7 @@ class Title:
     """A column title.
 
     - `text`: the title as written.
-    - `bare`: the title without its unit, its parts separated by points.
+    - `bare`: the title without its unit, its parts separated by dots.
     - `unit`: the unit as written; empty if there is none.
     """
 
@@ -93,9 +93,9 @@ class Title:
 
 
 def rank_of_state(prefix: str) -> int:
-    """Return the rank of a title's prefix: measured states first, commands last.
+    """Return the rank of a title's prefix in the choice of columns: small for measured states, largest for commands.
 
-    - `prefix`: prefix of a title, its parts separated by points.
+    - `prefix`: prefix of a title, its parts separated by dots.
     """
     last = prefix.rpartition(".")[2]
     return STATES.index(last) if last in STATES else len(STATES) + is_command(prefix)
@@ -104,7 +104,7 @@ def rank_of_state(prefix: str) -> int:
 def is_command(prefix: str) -> bool:
     """True if a column with this prefix is a command, which was not measured.
 
-    - `prefix`: prefix of a title, its parts separated by points.
+    - `prefix`: prefix of a title, its parts separated by dots.
     """
     return prefix.rpartition(".")[2] in COMMANDS
 
@@ -195,7 +195,9 @@ class _Matching:
 
     def __init__(self, titles: Sequence[str], joints: Sequence[str], source: str, reading: ReadOptions) -> None:
         if len(titles) > MOST_COLUMNS:
-            raise DefinitionError(f"{source} has {len(titles)} columns, and at most {MOST_COLUMNS} are read")
+            raise DefinitionError(
+                f"{source} has {len(titles)} columns, but at most {MOST_COLUMNS} are read: leave some of them out"
+            )
         self.source, self.joints, self.reading = source, joints, reading
         lower = len({name.lower() for name in joints}) == len(joints)
         self.fold = str.lower if lower else str
@@ -287,7 +289,8 @@ class _Matching:
         if choice is not None and not isinstance(choice, str):
             if len(choice) != len(self.joints):
                 raise DefinitionError(
-                    f"`columns` names {len(choice)} columns for `{quantity}`, but the arm has {len(self.joints)} joints"
+                    f"`columns` names {len(choice)} columns for `{quantity}`, but the arm has {len(self.joints)} "
+                    "joints: name a column for each joint"
                 )
             return [self._named_column(text, quantity) for text in choice]
         words = WORDS[quantity] if choice is None else (Title.of(choice).bare.lower(),)
@@ -347,7 +350,7 @@ class _Matching:
         return groups
 
     def _match(self, suffix: str, rank: Mapping[str, int], bare: int | None) -> tuple[int, str | int] | None:
-        """Return the word's index and the joint's name or number; None if the suffix does not match.
+        """Return the index of the word in a title's suffix, and the joint's name or number; None without a match.
 
         - `rank`: index of each word.
         - `bare`: index for a joint name without a word; None if such a title does not match.

@@ -96,19 +96,20 @@ class FourierSeries:
     harmonics: int
 
     def random(self, rng: np.random.Generator, joints: int) -> np.ndarray:
-        """Return random coefficients [n 2K + 1]: a, b, and an entry that selects the centre of the motion.
+        """Return random coefficients [n 2K + 1]: for each joint a, b, and a number that selects the motion's centre.
 
-        - `joints`: n.
+        - `joints`: n, the number of joints.
         """
         return rng.normal(size=(joints, 2 * self.harmonics + 1))
 
     def motion(self, coefficients: np.ndarray, points: int) -> JointMotion:
         """Return the series and its derivatives at evenly spaced times of one period, each [points n].
 
-        The coefficients belong to the acceleration, so that all harmonics have accelerations of similar size. They are
-        projected so that the series fulfils `Σ k b_k = 0` and `Σ k² a_k = 0`.
+        The coefficients are those of the acceleration's series, so that all harmonics have accelerations of similar
+        size. They are projected onto the series of positions with `Σ k b_k = 0` and `Σ k² a_k = 0`: velocity and
+        acceleration are 0 at t = 0.
 
-        - `coefficients`: [n 2K + 1].
+        - `coefficients`: as from `random` [n 2K + 1].
         - `points`: number of times.
         """
         count = np.arange(1, self.harmonics + 1)
@@ -169,8 +170,12 @@ class ExcitationSearch:
         if center is None:
             # A joint with unlimited rotation moves near 0, as all others do if their range allows it.
             self.lower, self.upper = np.maximum(self.lower, -np.pi), np.minimum(self.upper, np.pi)
-        elif ((center < self.lower) | (center > self.upper)).any():
-            raise DefinitionError(f"`center` must be within the joints' limits; got {list(center)}")
+        elif (outside := (center < self.lower) | (center > self.upper)).any():
+            k = int(np.argmax(outside))
+            raise DefinitionError(
+                f"`center` must be within the joints' limits; joint `{robot.joint_names[k]}` has {self.lower[k]:g} to "
+                f"{self.upper[k]:g}, got {center[k]:g}"
+            )
         self.velocity = _finite(limits.velocity, UNLIMITED_SPEED)
         self.acceleration = (
             ACCELERATION_PER_SPEED * self.velocity if acceleration is None else acceleration + 0.0 * self.velocity
@@ -236,7 +241,7 @@ class ExcitationSearch:
         return JointMotion(middle + factor * shape, factor * speed, factor * change)
 
     def torque_share(self, motion: JointMotion) -> np.ndarray:
-        """Return each joint's largest torque as a share of the allowed torque, [n]."""
+        """Return each joint's largest torque relative to the allowed torque, `share` times its limit, [n]."""
         torque = self._torque(motion)
         return np.abs(torque).max(axis=0) / (self.share * self.torque)
 

@@ -120,7 +120,8 @@ class Identification:
     - `robot`: the arm with identified rotors, friction, payload and links.
     - `parameters`: each estimated parameter with its standard error.
     - `logs`: each log with its prediction.
-    - `condition`: condition number of the weighted regressor relative to the prior, largest gain over smallest.
+    - `condition`: condition number of the logs' information matrix relative to the prior's, largest over smallest
+      eigenvalue.
     - `unseen_directions`: number of parameter combinations on which the logs have less information than the prior.
     - `warnings`: sentences on the logs, and on parameters that they determine poorly.
     - `seconds`: computing time.
@@ -162,7 +163,7 @@ class Identification:
 
     @cached_property
     def band(self) -> Band | None:
-        """The band that contains the true arm; None if no band can be proved, since some body has no inertia."""
+        """Confidence region of the true arm; None if none can be proved, since some body has no inertia."""
         try:
             return band_of(self.robot, self.estimate)
         except DefinitionError:
@@ -296,6 +297,7 @@ def identified_robot(robot: Articulated, unknowns: Unknowns, theta: np.ndarray) 
     """Return the arm with its identified parameters.
 
     - `robot`: the arm before identification.
+    - `unknowns`: the fitted equation, with the names of its parameters θ.
     - `theta`: the identified parameters.
     """
     changes: dict[str, Any] = {}
@@ -325,6 +327,7 @@ def estimates_of(
     """Return each parameter with its standard error and the standard deviation of its prior.
 
     - `robot`: the arm before identification.
+    - `unknowns`: the fitted equation, with the names and priors of its parameters θ.
     - `fitted`: the unconstrained fit, which has the covariance.
     - `theta`: the physically consistent parameters.
     """

@@ -28,10 +28,11 @@ from .torque_model import gravity_direction, with_gravity
 from .unknowns import Unknowns, sizes_of, unknowns_of
 
 ROUNDS = 5
-"""Largest number of linearisations of the torque equation about the instruments' errors."""
+"""Largest number of linearisations of the torque equation about the estimates of encoder offsets, actuator map and
+gravity."""
 
 EXPLAINED = 0.5
-"""The band ends where the model leaves more than this share of the torque's power unexplained."""
+"""The filter's band ends where the model leaves more than this share of the torque's power unexplained."""
 
 
 def identify(
@@ -57,8 +58,9 @@ def identify(
         arm = identify("log.csv", sx.arms.panda())
         print(arm)
 
-    The torque is linear in the parameters, `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o`. So this is weighted
-    least squares on signals that all pass the same zero-phase filter, with physically consistent bodies
+    The torque `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o` is linear in the parameters: those of payload and
+    links, φ, rotor inertia J, Coulomb friction f_c, viscous friction f_v and offset f_o. So this is weighted least
+    squares on signals that all pass the same zero-phase filter, with physically consistent bodies
     (`consistent_parameters`). The prior is very wide: it determines only the parameters that the log does not show, and
     warnings name them.
 
@@ -249,7 +251,7 @@ def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit
 
     At higher frequencies the torque is noise, or an effect that the model lacks, such as elastic gears.
 
-    - `unknowns`, `signals`: the equation and the log.
+    - `unknowns`, `signals`: the torque equation and the signals of a log.
     - `fitted`: parameters of a first fit in a wider band.
     - `rows`: the fitted part of the log.
     """

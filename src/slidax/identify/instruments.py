@@ -20,7 +20,7 @@ OFFSET = {"rad": 0.1, "m": 0.05}
 """Prior standard deviation of an encoder's offset."""
 
 GAIN, CROSSTALK = 0.3, 0.1
-"""Prior standard deviations of a relative error of a gain, and of cross-talk."""
+"""Prior standard deviations of the relative error of a torque's gain, and of its cross-talk from another joint."""
 
 STRANGE = 0.6
 """Largest entry of `G⁻¹ - 1` for an actuator map G; a larger one means other units, signs or another joint order."""
@@ -34,7 +34,7 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Instruments:
-    """Offsets of encoders, errors of the torques, and gravity, about which the equation is linearised.
+    """Estimates of encoder offsets, torque errors and gravity, about which a log's torque equation is linearised.
 
     - `offset`: true positions minus measured ones [n], rad or m; None if the encoders' zeros are known.
     - `error`: E with `τ_log = (1 + E) τ` for the joints' torques τ [n n]; None if the log has the joints' torques.
@@ -51,8 +51,9 @@ class Instruments:
     def started(
         cls, joints: int, encoder_offset: bool, actuator_map: str | None, gravity: np.ndarray | None = None
     ) -> Instruments:
-        """Return instruments without errors.
+        """Return the first estimate, without offsets and torque errors.
 
+        - `joints`: number of joints.
         - `encoder_offset`: True if offsets are unknown.
         - `actuator_map`: None, `gain` or `full`.
         - `gravity`: a first estimate of gravity, if its direction is unknown.
@@ -74,13 +75,13 @@ class Instruments:
         return not (self.offset is None and self.error is None and self.gravity is None)
 
     def robot(self, robot: Articulated) -> Articulated:
-        """Return the arm as a function of the encoders' positions, with this gravity."""
+        """Return the arm with this gravity, and with zeros shifted so that its positions are those of the encoders."""
         if self.gravity is not None:
             robot = with_gravity(robot, self.gravity)
         return robot if self.offset is None else robot.with_zero(as_array(self.offset))
 
     def corrected(self, signals: LogSignals) -> LogSignals:
-        """Return the signals with the joints' torques in place of the log's."""
+        """Return the signals with the joints' torques `(1 + E)⁻¹ τ_log` in place of the log's τ_log."""
         if self.error is None:
             return signals
         return replace(signals, tau=np.linalg.solve(np.eye(len(self.error)) + self.error, signals.tau.T).T)
@@ -88,7 +89,8 @@ class Instruments:
     def refined(self, unknowns: Unknowns, theta: np.ndarray, source: str) -> Instruments:
         """Return the instruments with the estimates of a fit.
 
-        - `theta`: the estimate of `unknowns`.
+        - `unknowns`: the equation from `extended`.
+        - `theta`: the estimate of its θ.
         - `source`: name of the log, for messages.
 
         Raises DefinitionError if an entry of the torques' error is too large for a drive.
@@ -118,9 +120,10 @@ class Instruments:
     def extended(self, unknowns: Unknowns, robot: Articulated, signals: LogSignals, theta: np.ndarray) -> Unknowns:
         """Return the equation with the instruments' errors as unknowns, linearised about these instruments and θ.
 
-        Let `τ = k + Y θ` be the arm's torques as a function of the encoders' positions. Then the log's torques are
-        `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ Δγ)`, where Δδ is the change of the offsets. The angles γ, by which gravity turns
-        about two axes, are relative to the last estimate.
+        Let `τ = k + Y θ` be the arm's torques as a function of the encoders' positions, with the known part k and the
+        regressor Y of `unknowns`. Then the log's torques are `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ Δγ)`, where E is the error
+        of the torques and Δδ the change of the offsets. The angles γ, by which gravity turns about two axes, are
+        relative to the last estimate.
 
         - `unknowns`: the equation without the instruments' errors.
         - `robot`: the arm as a function of the encoders' positions.
@@ -207,11 +210,13 @@ def _slope(robot: Articulated, motion: JointMotion, links: np.ndarray, payload: 
 def in_commands(
     unknowns: Sequence[Unknowns], fitted: ParameterFit, theta: np.ndarray
 ) -> tuple[list[Unknowns], ParameterFit, np.ndarray]:
-    """Replace the unknown E by the actuator map `G = (1 + E)⁻¹`, with `τ = G τ_log`, in a fit and its covariance.
+    """Replace the torques' error E by the actuator map `G = (1 + E)⁻¹`, `τ = G τ_log`, in a fit and its covariance.
 
     Returns the equations, the fit, and θ.
 
     - `unknowns`: the equation of each log.
+    - `fitted`: the fit, whose covariance changes.
+    - `theta`: the physically consistent θ.
     """
     names = np.array(unknowns[0].names, object)
     own = np.char.startswith(names.astype(str), "map_")

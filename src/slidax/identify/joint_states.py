@@ -167,7 +167,10 @@ def _fields(reading: ReadOptions) -> dict[str, str]:
         fields = {field: quantity for field, quantity in fields.items() if name not in (quantity, field)}
     for needed in ("q", "tau"):
         if needed not in fields.values():
-            raise DefinitionError(f"no field of the messages is left for `{needed}`: each field is one quantity")
+            raise DefinitionError(
+                f"no field of the messages is left for `{needed}`: `columns` must not use a field twice, nor `drop` "
+                "leave its field out"
+            )
     return fields
 
 

@@ -205,7 +205,10 @@ def share_of_speed(log: JointLog, robot: Articulated) -> float:
 
 
 def _sort_times(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarray, str]:
-    """Sort the samples by time if this makes the positions smoother; otherwise cut where the clock was set back."""
+    """Sort the samples by time if this makes the positions smoother; otherwise cut where the clock was set back.
+
+    Returns the log, the rows at which to cut, and a warning.
+    """
     order = np.argsort(log.t, kind="stable")
     size = np.ptp(log.q, axis=0) + 1e-12
 
@@ -226,7 +229,10 @@ def _sort_times(log: JointLog, backward: np.ndarray) -> tuple[JointLog, np.ndarr
 
 
 def _merge_equal_times(log: JointLog, breaks: np.ndarray) -> tuple[JointLog, np.ndarray, int]:
-    """Average samples with equal times."""
+    """Average samples with equal times.
+
+    Returns the log, the new rows of its breaks, and the number of samples that were merged into others.
+    """
     starts = np.concatenate([[True], np.diff(log.t) > 0])
     if starts.sum() < 2:
         raise DefinitionError(
@@ -344,8 +350,8 @@ def find_usable_velocities(
     """Return True for each joint whose measured velocity agrees with its positions' slope [n], and warnings.
 
     - `log`, `robot`: the log and its arm.
-    - `slope`, `velocity`: slope of the positions and measured velocity, in the band of the equations [k n].
-    - `noise`: standard deviation of the slope's noise in this band [n].
+    - `slope`, `velocity`: slope of the positions and measured velocity, after the regression's low-pass filter [k n].
+    - `noise`: standard deviation of the slope's noise after this filter [n].
     - `rate`: sampling rate [Hz].
 
     Raises DefinitionError if a joint's velocity is a clear multiple of the slope, as with a wrong unit.

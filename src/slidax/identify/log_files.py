@@ -148,7 +148,7 @@ _ZONE = re.compile(r"\s*(?:Z|UTC|[-+]\d\d:?\d\d)$")
 
 
 class Stamp:
-    """Dates and times of day as seconds since the first one."""
+    """Conversion of dates with times of day to seconds since the first converted date."""
 
     def __init__(self) -> None:
         self._first: np.datetime64 | None = None

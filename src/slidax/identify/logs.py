@@ -82,7 +82,7 @@ class LogColumns:
     """Columns of a table with the times and the joints' quantities.
 
     - `time`: title of the time column.
-    - `of`: titles by quantity, in the arm's joint order.
+    - `of`: for `q`, `dq` and `tau`, the titles of the columns in the arm's joint order.
     - `scale`: for each used column, the factor from its unit to s, rad, rad/s or N m.
     - `notes`: notes on data that was left out or converted.
     """
@@ -151,7 +151,7 @@ class ReadOptions:
 
 
 def parse_columns(texts: Sequence[str]) -> dict[str, str | list[str]]:
-    """Return the quantities and their columns, from texts such as `q=position,tau=effort` or `tau=a,b,c`.
+    """Return each quantity's column, or list of columns, from texts such as `q=position,tau=effort` or `tau=a,b,c`.
 
     - `texts`: texts with one or more quantities each.
 

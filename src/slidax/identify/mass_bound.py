@@ -1,9 +1,9 @@
 """Relative bounds of a mass matrix for every configuration, from errors of the inertial parameters.
 
-The bound is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, where ΔM is linear in the parameters' errors. The proof needs no
-grid. Let V be the twist of the body that carries joint i, in the axes and at the origin of that joint, I the
-spatial inertia of the body that joint i moves, z the joint's axis and R the inertia of its rotor. Twice the kinetic
-energy of the arm is
+The bound is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q. M₀ is the mass matrix for the inertial parameters φ₀, and ΔM its
+change for the parameters' errors Δφ, in which it is linear. The proof needs no grid. Let V be the twist of the body
+that carries joint i, in the axes and at the origin of that joint, I the spatial inertia of the body that joint i moves,
+z the joint's axis and R the inertia of its rotor. Twice the kinetic energy of the arm is
 
     q̇ᵀ M q̇ = Σ_i (V + z q̇_i)ᵀ I_i (V + z q̇_i) + R_i q̇_i²                                                     (1)
 
@@ -43,10 +43,12 @@ NEWTON_STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """K_i of (2), on a basis of the possible twists.
+    """The matrix K_i of equation (2) in the module's docstring, on a basis of the possible twists.
 
-    - `parameters`: indices of its parameters in φ: the body's ten, and the rotor.
-    - `forms`: indices of its coefficients among those of all L, the coefficients of L_i first.
+    It is linear in the inertial parameters φ and in the coefficients of the forms L.
+
+    - `parameters`: indices in φ of the parameters in K_i: the body's ten, and the rotor.
+    - `forms`: indices of the coefficients in K_i among those of all forms L, the coefficients of L_i first.
     - `own`: number of coefficients of L_i.
     - `of_parameters`, `of_forms`: matrix that each parameter [11 m m] and each coefficient [f m m] multiplies in K_i.
     """
@@ -58,9 +60,10 @@ class Block:
     of_forms: np.ndarray
 
     def matrix(self, parameters: np.ndarray, forms: np.ndarray) -> np.ndarray:
-        """Return K, [... m m].
+        """Return K_i, [... m m].
 
-        - `parameters`, `forms`: parameters and coefficients of the whole arm [... 11n], [... f].
+        - `parameters`: inertial parameters φ of the whole arm [... 11n].
+        - `forms`: coefficients of all forms L [... f].
         """
         own = np.tensordot(parameters[..., self.parameters], self.of_parameters, axes=1)
         return own + np.tensordot(forms[..., self.forms], self.of_forms, axes=1)
@@ -73,9 +76,9 @@ class MassBound:
     """
 
     def __init__(self, robot: Articulated, parameters: np.ndarray) -> None:
-        """Find the centre of the forms that prove `M₀(q) > 0`.
+        """Find the analytic centre L₀ of the forms L that prove `M₀(q) > 0`.
 
-        - `parameters`: parameters of the arm, as from `arm_parameters` [11n].
+        - `parameters`: φ₀, the arm's inertial parameters as from `arm_parameters` [11n].
         """
         self.blocks, self.coefficients = blocks_of(robot)
         self.centre = self._analytic_centre(parameters)
@@ -85,14 +88,14 @@ class MassBound:
             self._normalised.append((root @ block.of_parameters @ root, root @ block.of_forms @ root))
 
     def of(self, errors: np.ndarray, *, refine: bool = True) -> np.ndarray:
-        """Return for each of s errors a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
+        """Return for each of s parameter errors Δφ a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
 
         With the centre's L₀ as a metric, `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised
         `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L with the smallest sum of squares of all E_i is linear in Δφ and
         gives a bound about 1.4 times the smallest. The smallest bound has a different L for each sign, and comes from
         Newton's method with the barrier -log det.
 
-        - `errors`: Δφ [s 11n].
+        - `errors`: Δφ, in the order of `arm_parameters` [s 11n].
         - `refine`: False for the bound from least squares alone.
         """
         forms = self._least_squares(errors)
@@ -214,7 +217,7 @@ class MassBound:
 
 
 def blocks_of(robot: Articulated) -> tuple[tuple[Block, ...], int]:
-    """Return the K_i of an arm, and the number of coefficients of all L.
+    """Return each joint's matrix K_i of (2) in the module's docstring, and the number of coefficients of all forms L.
 
     - `robot`: the arm; only its geometry is used.
     """

@@ -70,11 +70,11 @@ FORMS: Mapping[str, Callable[[Payload], str]] = {
     "kuka": kuka_payload,
     "urdf": urdf_payload,
 }
-"""Forms of a payload by name."""
+"""Names of the manufacturers' formats, and the functions that write a payload in them."""
 
 
 def require_payload_form(form: str) -> None:
-    """Raise DefinitionError for an unknown form."""
+    """Raise DefinitionError if `form` is not a name in `FORMS`."""
     if form not in FORMS:
         raise DefinitionError(f"unknown form of a payload `{form}`; {nearest_word(form, FORMS)}")
 

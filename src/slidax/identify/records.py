@@ -53,7 +53,7 @@ def parse_load(text: str) -> Payload | None:
 
 
 def has_known_difference(loads: Sequence[Payload | None]) -> bool:
-    """True if two of the known loads differ in mass or in mass times centre."""
+    """True if two of the known loads, those that are not None, differ in mass or in mass times centre."""
     known = [parameters_of_payload(load)[:4] for load in loads if load is not None]
     return any((moments != known[0]).any() for moments in known)
 
@@ -95,11 +95,11 @@ class LogRecord:
         return self.signals.part(slice(0, self.split))
 
     def narrowed(self, band: float) -> LogRecord:
-        """Return the log in a narrower band.
+        """Return the record with its signals filtered to a narrower band.
 
-        The log keeps its own band if that is hardly wider, or if the log is too short for the narrower one.
+        The record keeps its present filter if that is hardly wider, or if the log is too short for the narrower one.
 
-        - `band`: upper end of the narrower band [Hz].
+        - `band`: cut-off frequency of the narrower filter [Hz].
         """
         if band >= 0.8 * self.signals.cut_off:
             return self
@@ -117,17 +117,17 @@ class LogRecord:
             count = int(np.sum(signals.inner & rows))
             if count < fewest:
                 return (
-                    f"{self.log.source} is too short, {len(row) / rate:.3g} s{within}: between the ends of its filter, "
-                    f"{settled / rate:.3g} s each in a band of {signals.cut_off:.3g} Hz, the part that is {name} has "
-                    f"{count / rate:.3g} s and needs {fewest / rate:.3g} s; `--held-out` sets the parts, `--cut-off` "
-                    "the filter"
+                    f"{self.log.source} is too short, {len(row) / rate:.3g} s{within}: the part that is {name} has "
+                    f"{count / rate:.3g} s and needs {fewest / rate:.3g} s, without the filter's settling time, "
+                    f"{settled / rate:.3g} s at each end for {signals.cut_off:.3g} Hz; `--held-out` sets the parts, "
+                    "`--cut-off` the filter"
                 )
         return ""
 
     def fit(self, torque: np.ndarray, lag: float, lag_error: float) -> LogFit:
-        """Return the log with its predicted torques.
+        """Return the log with its filtered measured and predicted torques, and the errors of this prediction.
 
-        - `torque`: torques of the arm for the log's motion [k n].
+        - `torque`: torques of the identified arm for the log's motion [k n].
         - `lag`, `lag_error`: delay of the log's torques after its positions, and its standard error [s].
         """
         signals = self.signals

@@ -25,10 +25,10 @@ class ParameterFit:
 
     - `theta`: the parameters [p].
     - `covariance`: covariance of their errors [p p].
-    - `information`: information of the data and the prior [p p].
+    - `information`: information matrix of data and prior [p p].
     - `gain`: eigenvalues of the data's information relative to the prior's [p], largest first.
     - `lag`, `lag_error`: delay of each log's torques after its positions, and its standard error [logs], s.
-    - `sigma`: standard deviation of the residuals [logs n].
+    - `sigma`: standard deviation of each joint's torque residuals [logs n], N m or N.
     """
 
     theta: np.ndarray
@@ -130,13 +130,14 @@ DISAGREE = 1.5
 def with_disagreement(
     fitted: ParameterFit, unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]
 ) -> tuple[ParameterFit, np.ndarray]:
-    """Return a combined fit whose confidence region contains the own fit of each log that disagrees, and the ratios.
+    """Return the combined fit, with its covariance widened for logs that disagree, and ratios of residuals [logs n].
 
-    The ratios are those of each log's residuals in the combined fit to those in its own fit, [logs n]. A log that the
-    others contradict, for instance since the arm's load or friction differed, gets a small weight. The covariance C
-    therefore gains `d dᵀ`, with d the step to the log's own fit in directions that it shows. Then
-    `dᵀ (C + d dᵀ)⁻¹ d < 1`, and the step lies in every usual confidence region.
+    A ratio compares a log's residual in the combined fit with that in a fit of this log alone. A log that the others
+    contradict, for instance since the arm's load or friction differed, gets a small weight. The covariance C therefore
+    gains `d dᵀ`, with d the step to the log's own fit in directions that it shows. Then `dᵀ (C + d dᵀ)⁻¹ d < 1`, and
+    the own fit lies in every usual confidence region.
 
+    - `fitted`: the combined fit.
     - `unknowns`, `signals`: as for `fit_parameters`.
     """
     covariance, ratios = fitted.covariance, np.ones_like(fitted.sigma)
@@ -184,23 +185,25 @@ LEAST_FREEDOM = 0.05
 def covariance_of_fit(
     a: np.ndarray, residuals: np.ndarray, counts: np.ndarray, inverse: np.ndarray, rate: float, cut_off: float
 ) -> np.ndarray:
-    """Return `A⁻¹ (Σ_j a_jᵀ R_j a_j) A⁻¹`, with R_j the covariance matrix of joint j's noise in time, [p p].
+    """Return the covariance `A⁻¹ (Σ_j a_jᵀ R_j a_j) A⁻¹` of the error that noise causes in a least-squares fit, [p p].
 
-    R_j is that of a stationary process, so each sample may be correlated with all others. Its spectral density is
-    estimated from the residuals at the frequencies that matter, those where the regressor has its power: model errors,
-    such as those of friction, repeat with a periodic motion and have power only there. At each frequency ω the fit
-    absorbs some noise, and the residual is smaller than the noise by the leverage `h(ω) = a(ω)* A⁻¹ a(ω)`:
+    A is the information matrix of data and prior, a_j the regressor of joint j [k p], and R_j the covariance matrix of
+    this joint's noise in time [k k]. R_j is that of a stationary process, so each sample may be correlated with all
+    others. Its spectral density S is estimated from the residuals at the frequencies that matter, those where the
+    regressor has its power: model errors, such as those of friction, repeat with a periodic motion and have power only
+    there. At each frequency ω the fit absorbs some noise, and the residual r is smaller than the noise by the leverage
+    `h(ω) = a(ω)* A⁻¹ a(ω)`:
 
         S(ω) = ⟨h |r|²⟩ / ⟨h (1 - h)⟩ · ⟨h⟩ / ⟨h (1 - h)⟩
 
-    with ⟨ ⟩ the mean over a window, and h as a share of the equations there. The first factor alone is unbiased for few
-    unknowns. The second makes the estimate as conservative as a jackknife (HC3 of MacKinnon and White, *Some
-    heteroskedasticity-consistent covariance matrix estimators with improved finite sample properties*, 1985).
+    with ⟨ ⟩ the mean over a window of frequencies, and h as a share of the equations there. The first factor alone is
+    unbiased for few unknowns. The second makes the estimate as conservative as a jackknife (HC3 of MacKinnon and White,
+    *Some heteroskedasticity-consistent covariance matrix estimators with improved finite sample properties*, 1985).
 
     The result has full rank. A covariance from sums over blocks of the log has not: with 40 blocks and 80 unknowns,
     some combinations of the unknowns would have no error at all.
 
-    - `a`: the equations in units of their noise, 0 where they are not used [k n p].
+    - `a`: the regressor in units of the noise, 0 where an equation is not used [k n p].
     - `residuals`: residuals in the same units, 0 where they are not used [k n].
     - `counts`: True for equations that are used [k n].
     - `inverse`: A⁻¹ [p p].
@@ -248,12 +251,12 @@ LAST_WEIGHT = 1e-6
 
 
 def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
-    """Pseudo-inertia `[Σ h; hᵀ m]` with `Σ = ½ tr(I) 1 - I`, [4 4].
+    """Return a body's pseudo-inertia `[Σ h; hᵀ m]` with `Σ = ½ tr(I) 1 - I`, [4 4].
 
     It is positive semidefinite if and only if a mass distribution has these parameters (Wensing, Kim and Slotine,
     *Linear matrix inequalities for physically consistent inertial parameter identification*, RA-L 2018).
 
-    - `phi`: mass, mass times centre, inertia about the frame's origin [10].
+    - `phi`: mass m, mass times centre h, and inertia I about the frame's origin as xx, yy, zz, xy, xz, yz [10].
     """
     return np.tensordot(phi, BASIS, axes=1)
 

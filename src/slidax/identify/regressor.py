@@ -42,6 +42,8 @@ class LinkMotion(NamedTuple):
 def links_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
     """Return the regressor Y of the links alone, with `M(q) q̈ + C(q,q̇) q̇ + G(q) = Y φ`, [k n 10n].
 
+    The links' inertial parameters φ are as from `parameters_of_links`.
+
     Newton's and Euler's equations are linear in mass, mass times centre and the inertia about a frame's origin
     (Atkeson, An and Hollerbach, *Estimation of inertial parameters of manipulator loads and links*, 1986). Y has no
     columns for rotors, friction and payload.
@@ -65,8 +67,8 @@ def rigid_torque(robot: Articulated, motion: JointMotion, phi: np.ndarray, paylo
 
     - `robot`: the arm; only its geometry and gravity are used.
     - `motion`: the motion at k times.
-    - `phi`: parameters of the links [10n].
-    - `payload`: parameters of the payload [10].
+    - `phi`: parameters of the links, as from `parameters_of_links` [10n].
+    - `payload`: parameters of the payload, as from `parameters_of_payload` [10].
     """
     links = _link_motion(robot, motion)
     total = np.zeros((len(motion.q), robot.joints))
@@ -85,7 +87,7 @@ def rigid_torque(robot: Articulated, motion: JointMotion, phi: np.ndarray, paylo
 
 
 def payload_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
-    """Return the regressor Y of a payload, [k n 10]: `Y φ` is the torque that it adds, with φ in the tip's frame.
+    """Return the regressor Y of a payload, [k n 10]: it adds the torque `Y φ`, φ as from `parameters_of_payload`.
 
     - `robot`: the arm; only its geometry and gravity are used.
     - `motion`: the motion at k times.
@@ -107,7 +109,7 @@ def _payload_wrench(robot: Articulated, links: LinkMotion) -> tuple[np.ndarray, 
 
 
 def parameters_of_links(robot: Articulated) -> np.ndarray:
-    """Return the inertial parameters φ of the arm's links, [10n]."""
+    """Return the inertial parameters φ of the arm's links, ten per link as from `parameters_of_body`, [10n]."""
     each = zip(np.asarray(robot.masses), np.asarray(robot.centers), np.asarray(robot.inertias), strict=True)
     return np.concatenate([parameters_of_body(float(mass), center, inertia) for mass, center, inertia in each])
 
@@ -121,7 +123,7 @@ def parameters_of_payload(payload: Payload) -> np.ndarray:
 
 
 def parameters_of_body(mass: float, center: np.ndarray, inertia: np.ndarray) -> np.ndarray:
-    """Return a body's inertial parameters φ: mass, mass times centre, and the inertia about the origin, [10].
+    """Return a body's parameters φ [10]: mass, mass times centre, inertia about the origin as xx, yy, zz, xy, xz, yz.
 
     - `mass`: kg.
     - `center`: [3], m.

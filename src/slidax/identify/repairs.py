@@ -1,4 +1,8 @@
-"""Alternative conventions under which a log may fit its arm: signs, scales, orders, delays, zeros, mountings."""
+"""Alternative conventions under which a log may fit its arm: signs, scales, orders, delays, zeros, mountings.
+
+In the functions that yield `Repair`s, `sample` is the log's motion and torques at a few times, and `conventions` are
+those that were already applied to the log.
+"""
 
 from __future__ import annotations
 
@@ -56,11 +60,13 @@ def improve_entries(
     match_of: Callable[[np.ndarray], TorqueMatch],
     others: Callable[[np.ndarray], Iterator[np.ndarray]],
 ) -> tuple[np.ndarray, TorqueMatch]:
-    """Greedy search: apply the best single change of the entries until the match no longer improves.
+    """Improve entries by greedy search: apply the best single change until the match no longer improves.
 
-    - `start`: initial entries [n].
-    - `match_of`: returns the match for entries.
-    - `others`: yields all entries with a single change or exchange.
+    Returns the last entries, and their match.
+
+    - `start`: initial entries, such as each joint's sign [n].
+    - `match_of`: returns the match of the arm's torques with the log's under entries.
+    - `others`: yields all entries that differ from its argument by a single change or exchange.
     """
     best, match = start, match_of(start)
     for _ in range(len(start)):
@@ -89,10 +95,10 @@ def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
-    """Return the value of an order option: for each joint of the log as read, the arm's joint to which it belongs.
+    """Return the value of an option such as `--joint-order`: for each joint of the log as read, the arm's joint.
 
-    - `order`: for each joint, the column with its values [n].
-    - `earlier`: value of this option that the columns already have; empty without one.
+    - `order`: for each joint of the arm, the column with its values [n].
+    - `earlier`: value of this option that was already applied to the columns; empty without one.
     """
     names = list(robot.joint_names)
     belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
@@ -131,7 +137,7 @@ STEPS = 12
 
 
 def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Yield repairs: positions that the log counts in the opposite direction, in all joints or in some."""
+    """Yield alternative conventions: positions that the log counts in the opposite direction, in some joints or all."""
     n = robot.joints
     same = np.arange(n)
     ones, zero = np.ones(n), np.zeros(n)
@@ -149,7 +155,7 @@ def position_signs(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Yield repairs: positions in another joint order, with their torques or without."""
+    """Yield alternative conventions: positions in another joint order, with their torques or without."""
     n = robot.joints
     ones, zero = np.ones(n), np.zeros(n)
 
@@ -182,7 +188,7 @@ def joint_orders(robot: Articulated, sample: TorqueSample, conventions: Conventi
 
 
 def position_units(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Yield repairs: positions in degrees or revolutions."""
+    """Yield alternative conventions: positions in degrees or revolutions."""
     turning = np.array([unit == "rad" for unit in robot.joint_units])
     largest = np.abs(sample.motion.q[:, turning]).max(initial=0.0)
     for size, name, unit, is_possible in (
@@ -196,7 +202,7 @@ def position_units(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]
 
 
 def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conventions) -> Iterator[Repair]:
-    """Yield the repair with other zeros of the positions, if there is one."""
+    """Yield the alternative with other zeros of the positions, if one fits better."""
     n = robot.joints
     same, ones, zero = np.arange(n), np.ones(n), np.zeros(n)
     turning = np.array([unit == "rad" for unit in robot.joint_units])
@@ -236,7 +242,7 @@ def position_zeros(robot: Articulated, sample: TorqueSample, conventions: Conven
 
 
 def mountings(robot: Articulated, sample: TorqueSample) -> Iterator[Repair]:
-    """Yield repairs: torques from which the robot has removed gravity, or gravity in the direction that fits best."""
+    """Yield alternative conventions: torques without gravity, or gravity in the direction that fits best."""
     believed = np.asarray(robot.gravity_vector)
     strength = float(np.linalg.norm(believed)) or 9.81
     gravity = gravity_direction([robot], [sample])
@@ -275,7 +281,7 @@ LATEST = 1.0
 def torque_signs(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield repairs: torques with the opposite sign, in all joints or in some.
+    """Yield alternative conventions: torques with the opposite sign, in all joints or in some.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -298,7 +304,7 @@ def torque_signs(
 def torque_scales(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield repairs: torques in another unit, motor currents, or torques on the motor's side of the gear.
+    """Yield alternative conventions: torques in another unit, motor currents, or torques at the motor's side of a gear.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -409,7 +415,7 @@ def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> t
 def torque_orders(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield repairs: torques in another joint order, without and with other signs.
+    """Yield alternative conventions: torques in another joint order, without and with other signs.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -443,7 +449,7 @@ def torque_orders(
 def torque_delays(
     signals: LogSignals, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield the repair for torques that come after the positions, or before them.
+    """Yield the alternative in which torques come after the positions, or before them.
 
     - `rigid`: torques of the arm's bodies.
     """

@@ -62,7 +62,7 @@ class LogSignals:
         return signal.butter(ORDER, self.cut_off, fs=self.rate, output="sos")
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """Apply the zero-phase filter of the equations, the same for torque and regressor, [k ...]."""
+        """Return the columns after the fit's zero-phase low-pass filter, the same for torque and regressor, [k ...]."""
         return _per_piece(lambda values: signal.sosfiltfilt(self._sos, values, axis=0), columns, self.pieces)
 
     def slope(self, columns: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ class LogSignals:
         return _spectrum(values, self.rate, self.pieces, seconds)
 
     def torque_noise(self) -> np.ndarray:
-        """Return the standard deviation [n] of the torques' noise in the equations' band, from the spectrum above."""
+        """Return the standard deviation [n] of the torques' noise below the cut-off, from the spectrum above it."""
         f, power = self.spectrum(self.tau, 4.0)
         above = (f > 3.0 * self.cut_off) & (f < 0.45 * self.rate)
         density = np.median(power[above], axis=0) if above.sum() > 3 else np.zeros(self.tau.shape[1])
@@ -282,7 +282,7 @@ def _spectrum(
 
 
 def _noise(velocity: np.ndarray, cut_off: float, rate: float, pieces: tuple[slice, ...]) -> np.ndarray:
-    """Return the standard deviation [n] of a velocity's noise after the wide filter, from the spectrum above."""
+    """Return the standard deviation [n] of a velocity's noise after the positions' filter, from the spectrum above."""
     f, power = _spectrum(velocity, rate, pieces, 4.0)
     wide = min(WIDER * cut_off, 0.4 * rate)
     above = (f > wide) & (f <= max(2.0 * wide, 0.45 * rate))

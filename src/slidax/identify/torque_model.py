@@ -45,7 +45,7 @@ class TorqueSample:
     """A log at a few times, for the comparison with an arm.
 
     - `t`: times [m], s.
-    - `motion`: positions, velocities, accelerations in the band of the equations [m n].
+    - `motion`: positions, velocities, accelerations, filtered like the torques [m n].
     - `direction`: filtered sign of the velocities, the regressor of Coulomb friction [m n].
     - `tau`: filtered torques [m n].
     - `counts`: False near standstill, where dry friction takes any value [m n].
@@ -150,7 +150,7 @@ STIFFNESS = 2.0
 """Weight of the prior, relative to a row with a residual as large as the torque."""
 
 COSTLY = 60.0
-"""Cost of the prior that raises the score as much as an error e = 2.7 times larger in one joint."""
+"""Cost of the prior that raises the score by 1, as much as a 2.7 times larger error in one joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,8 @@ class TorqueMatch:
 
     - `errors`: residual of each joint, as a share of the torque's standard deviation [n].
     - `floor`: the sample's `floor`, the smallest residual that can be distinguished from 0 [n].
-    - `cost`: deviation of links and drives from their prior, in units of one row.
+    - `cost`: weighted sum of squared deviations of link masses, payload and drives from their prior; 1 counts as much
+      as one row with a residual as large as the torque.
     """
 
     errors: np.ndarray
@@ -180,7 +181,7 @@ class TorqueMatch:
 
 
 def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
-    """Fit the arm to a sample within physical bounds: masses, rotor inertias and friction are not negative.
+    """Fit the arm's torques to a log's within physical bounds: masses, rotor inertias and friction are not negative.
 
     The unknowns are each link's mass (prior: the mass in the file), a payload (as masses at points of a box about
     the tip), rotors, friction and offsets. The torque is linear in all of them: nonnegative least squares.
@@ -192,7 +193,7 @@ def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
 class RigidTorques:
     """Torques of an arm's bodies for a motion.
 
-    - `columns`: torque of each link, and of a payload of 1 kg at each point [m n l].
+    - `columns`: torque of each link, and of 1 kg at each of several points about the tip (`UNIT_MASSES`) [m n l].
     - `known`: torque of the payload in the arm's description [m n].
     - `needed`: root mean square of the links' torque, plus a share of the torque limit for friction [n].
     - `mass`: mass of all links, kg.
@@ -244,9 +245,9 @@ def rigid_torques(robot: Articulated, motion: JointMotion) -> RigidTorques:
 
 
 def match_rigid_torques(rigid: RigidTorques, sample: TorqueSample) -> TorqueMatch:
-    """Fit the arm to a sample as `match_torques` does, with rigid-body torques that are already computed.
+    """Fit the arm's torques to a log's as `match_torques` does, with rigid-body torques that are already computed.
 
-    - `rigid`: torques of the arm's bodies.
+    - `rigid`: torques of the arm's bodies for the sample's motion.
     """
     columns, known, links = rigid.columns, rigid.known, rigid.links
     m, n = sample.tau.shape
@@ -280,9 +281,9 @@ def drive_columns(sample: TorqueSample) -> np.ndarray:
 def nonnegative(
     a: np.ndarray, b: np.ndarray, prior: np.ndarray | None = None, believed: np.ndarray | None = None
 ) -> np.ndarray:
-    """Minimise `|a x - b|² + |prior (x - believed)|²` over x >= 0.
+    """Return the x >= 0 that minimises `|a x - b|² + |prior (x - believed)|²`.
 
-    - `a`, `b`: the equations.
+    - `a`, `b`: regressor and target of the equations.
     - `prior`, `believed`: weight and mean of each unknown's prior; no prior by default.
     """
     # Without BLAS: starting its threads would take longer than the products.

@@ -28,7 +28,7 @@ REACH = 0.2
 """Prior distance of a body's mass from its frame [m]; it sets the scale of first moment and inertia."""
 
 DRIVE_SCALE = 3.0
-"""Prior scale of a drive's parameters, as a multiple of the log's own scale."""
+"""Prior standard deviation of a drive's parameter, as a multiple of the value that alone gives the logs' torque."""
 
 MASS_SHARE = 0.5
 """Prior standard deviation of a link's mass, as a share of the mass."""
@@ -45,9 +45,9 @@ SLOW = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """The equation `τ - known = columns @ θ` at each time and joint, and the prior of θ.
+    """A log's torque equation `τ - known = columns @ θ` at each time and joint, and the prior of its unknowns θ.
 
-    - `names`, `joints`: name (without the joint) and joint of each parameter; -1 for a parameter without a joint.
+    - `names`, `joints`: name (without the joint) and joint of each entry of θ; -1 for a parameter without a joint.
     - `columns`: the regressor [k n p].
     - `known`: torque of the known parameters [k n].
     - `prior`, `scale`: prior mean and standard deviation of θ [p].
@@ -107,6 +107,7 @@ def unknowns_of(
 
     `stribeck` adds the term `f_s exp(-(q̇/v_s)²) sign(q̇)`, and `ripple` adds `c cos(N q) + s sin(N q)` for each N.
 
+    φ are the inertial parameters of links and payload, J rotor inertias, f_c Coulomb friction, f_v viscous friction.
     f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
     cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
 

@@ -24,9 +24,10 @@ LEAST_SHARE = 0.01
 class Believed(AbstractRobot):
     """Nominal arm with adapted rotor inertia: `M̂ = S (M0 + diag(max(J, 0) - J0)) S`; all else is nominal.
 
-    S is 1 where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes
-    `M0_ii + J - J0`. The links' part `M0 - diag(J0)` is positive semidefinite. M̂ is therefore positive definite if
-    every J is positive. The scaling by S is a congruence, which does not change that.
+    M0 and J0 are the nominal inertia matrix and rotor inertia, J is the adapted rotor inertia. S is diagonal, with 1
+    where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes `M0_ii + J - J0`. The
+    links' part `M0 - diag(J0)` is positive semidefinite. M̂ is therefore positive definite if every J is positive. The
+    scaling by S is a congruence, which does not change that.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
@@ -68,9 +69,10 @@ class Believed(AbstractRobot):
 # Traced once, and one function in exported C, as the functions of `Articulated`.
 @jax.jit
 def with_rotors(mass: Matrix, rotor: Vector, counted: PerJoint) -> Matrix:
-    """Return `S (M0 + diag(max(J, 0) - J0)) S` as in `Believed`, [n n].
+    """Return the inertia matrix with the rotor inertia J in place of J0, [n n], as in `Believed`.
 
-    - `mass`, `rotor`, `counted`: M0 [n n], J [n], J0.
+    - `mass`: M0 of the nominal arm [n n].
+    - `rotor`, `counted`: J [n] and J0, kg m² or kg.
     """
     diagonal = jnp.eye(mass.shape[0], dtype=bool)
     heavier = mass + jnp.where(diagonal, (jnp.maximum(rotor, 0.0) - counted)[:, None], 0.0)
@@ -115,14 +117,14 @@ class LearnedParameters(eqx.Module):
 
 
 class AbstractAdaptation(AbstractPart):
-    """Correction of an arm's nominal model, `M̂ = M0 + diag(J - J0)` and `F̂ = f tanh(q̇/v_s)`.
+    """Correction of an arm's nominal model: inertia `M̂ = M0 + diag(J - J0)` and Coulomb friction `f tanh(q̇/v_s)`.
 
-    J0 is the rotor inertia that the nominal model contains already. Where `J < 0` the links themselves are lighter, and
+    J is the estimated rotor inertia, J0 that of the nominal model. Where `J < 0` the links themselves are lighter, and
     rows and columns of M0 are scaled, so that M̂ is positive definite (`Believed`).
     """
 
     moves_bias: ClassVar[bool] = False
-    """True if the adaptation changes the arm's bias and its viscous friction."""
+    """True if the adaptation also changes the model's bias `C q̇ + G` and its viscous friction."""
 
     counted: PerJoint = parameter("J0, rotor inertia that the nominal arm has", "kg m² or kg", ">= 0", default=0.0)
     smoothing: PerJoint = parameter(
@@ -137,6 +139,7 @@ class AbstractAdaptation(AbstractPart):
     def __call__(self, experience: Experience, memory: Memory) -> Memory:
         """Return the memory after a sample.
 
+        - `experience`: motion and torque at this sample.
         - `memory`: from `init` or the last sample.
         """
 
@@ -145,7 +148,7 @@ class AbstractAdaptation(AbstractPart):
         """Return the estimated parameters of the joints."""
 
     def per_joint(self) -> AbstractAdaptation:
-        """Return the adaptation for a check of its shapes: without parameters that are neither one number nor [n]."""
+        """Return a copy without parameters of other shapes than one number or [n], for a check of all other shapes."""
         return self
 
     def signals(self, memory: Memory) -> dict[str, Array]:
@@ -154,7 +157,7 @@ class AbstractAdaptation(AbstractPart):
         return {"rotor": learnt.rotor, "coulomb": learnt.coulomb}
 
     def share(self, memory: Memory) -> Scalar:
-        """Return the weight of the learnt model in the law's model, 0 to 1; 0 is the nominal model."""
+        """Return the weight of the learnt model in the law's model, from 0 (not used) to 1 (fully used)."""
         return jnp.ones(())
 
     def settled(self, memory: Memory) -> Bool[Array, ""]:
@@ -162,15 +165,17 @@ class AbstractAdaptation(AbstractPart):
         return jnp.ones((), bool)
 
     def robot(self, nominal: AbstractRobot, memory: Memory) -> Believed:
-        """Return the nominal arm with the estimated inertias; its friction stays nominal."""
+        """Return the nominal arm with the estimated rotor inertias; its friction stays nominal."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
     def changed_links(self, memory: Memory) -> Bool[Array, ""]:
-        """True if the last sample may have changed more of the model than J and f; used only with `moves_bias`."""
+        """True if the last sample may have changed more of the model than J and f; read only if `moves_bias`."""
         return jnp.ones((), bool)
 
     def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: Memory) -> Vector:
-        """Return each joint's inertia for the bandwidth of the estimator, `M̂_ii(q)` by default, [n], kg m² or kg.
+        """Return the inertia from which each joint's estimator bandwidth is computed, [n], kg m² or kg.
+
+        It is `M̂_ii(q)` by default.
 
         - `robot`: the arm with the estimated parameters.
         """
@@ -182,7 +187,7 @@ class AbstractAdaptation(AbstractPart):
         return KnownJoints(rotor=learnt.rotor, coulomb=learnt.coulomb, counted=self.counted, smoothing=self.smoothing)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
-        """Return M̂ before the first sample, [n n], from M0 [n n]."""
+        """Return the inertia matrix M̂ before the first sample from the nominal M0, both [n n]."""
         nothing = jnp.zeros(mass.shape[0])
         rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
         return with_rotors(mass, rotor, self.counted)
@@ -216,7 +221,7 @@ class KnownJoints(AbstractAdaptation):
 
 
 LOUDEST = 1e6
-"""rad/s²: upper limit of `noise_of`; such noise hides every inertia."""
+"""rad/s²: upper limit of the result of `noise_of`; such noise hides every inertia."""
 
 STAGES = 5
 """Stages of the band-pass: two high-passes and three low-passes of first order."""
@@ -231,7 +236,7 @@ def filter_step(
     low-passes at `high` then bound the second difference of rounded positions.
 
     - `stages`: states before the sample: two low-passed parts that are subtracted, then three low-passes.
-    - `signals`: signals at this sample.
+    - `signals`: k signals of each joint at this sample.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """

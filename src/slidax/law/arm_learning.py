@@ -56,17 +56,17 @@ FEWEST = 3
 """Least number of samples between two windows: for the least squares, the decision and the next window."""
 
 BUSY = 2
-"""Samples between two windows in which equations are used; few, so that most samples take the time of a step without.
-The sample that decides takes as long as each of these."""
+"""Number of samples after a window that share its least-squares updates; few, so that most samples have none.
+The sample in which `judge` decides takes as long as each of these."""
 
 SETTLING = 5.0
-"""Samples after the start whose torques are not yet those that acted."""
+"""Samples after the start that teach nothing: their torques are not yet those that acted."""
 
 DRIFT = 5e-4
 """1/s: growth of the parameters' variances, relative to those at the start."""
 
 LARGEST, OPENED = 4.0, 0.25
-"""Largest variance, and growth after a change of the arm, relative to the variances at the start."""
+"""Largest variance of a parameter, and its increase after a change of the arm, over its variance at the start."""
 
 RESTORED = 0.01
 """Share of the covariance that is left when the last good model returns."""
@@ -75,7 +75,8 @@ CERTAIN = 0.2
 """Largest deviation of each diagonal entry of M, relative to itself, in a model that may be used."""
 
 SMOOTHING, LARGEST_MOVE = 0.05, 0.1
-"""Time constant of the used parameters [s], and their largest move in a window, relative to the first deviations."""
+"""Time constant [s] with which the used parameters follow the estimates, and their largest change from one window to
+the next, over their standard deviations at the start."""
 
 FACTOR = 0.6
 """Largest relative change of a link's mass."""
@@ -88,14 +89,15 @@ SLOWEST, SOFTEST = 0.01, 0.1
 
 
 class ArmLearningMemory(eqx.Module):
-    """Memory of the learning.
+    """Memory of `ArmLearning` between two samples.
 
-    - `joints`: of each joint's own learning.
+    - `joints`: memory of each joint's own learning.
     - `slot`: number of the next sample within the time between two windows.
     - `clean`: samples since the last gap.
-    - `sums`: of the overlapping windows.
-    - `equations`, `estimates`, `trust`: from the last window on.
-    - `filter_inertia`: inertia of each joint that the estimator's bandwidth belongs to, from the last window [n].
+    - `sums`: weighted sums of the four overlapping windows, from `window_sums`.
+    - `equations`: equations of the last window.
+    - `estimates`, `trust`: estimated parameters of the arm, and the evidence for them.
+    - `filter_inertia`: inertia from which the estimator's bandwidth is computed, from the last window [n].
     """
 
     joints: Learning
@@ -113,15 +115,15 @@ class ArmLearning(AbstractAdaptation):
 
     Each window of four times 10 ms gives position, velocity, acceleration and torque in its middle without a lag and
     without numerical differentiation, and with them one equation for each joint, `τ - τ_nominal = aᵀθ`, linear in the
-    parameters. The update is spread over the samples until the next window.
+    parameters θ. The update is spread over the samples until the next window.
 
     The law uses `M̂`, bias and friction of a model between that of `joints`, its own learning of each joint, and the
     arm's: their shares are 1 - α and α. α is 0 until every M_ii is known to 20 % and the model explains the torque,
-    and after a push, in contact and after a lasting change (`judge`). So a wrong model costs no more than not to learn
-    the arm.
+    and after a push, in contact and after a lasting change (`judge`). A wrong model of the arm is therefore no worse
+    than none.
 
     θ is steered into the set of arms that can exist: link factors in [0.4, 1.6], rotors within those of `joints`, and
-    a positive definite pseudo-inertia of the last link with its payload. The used parameters are then projected.
+    a positive definite pseudo-inertia of the last link with its payload. The law's parameters are projected onto it.
 
     Source: docs/arm-learning.md; Atkeson, An and Hollerbach, Estimation of inertial parameters of manipulator loads and
     links, 1986; Wensing, Kim and Slotine, RA-L 2018.
@@ -134,11 +136,11 @@ class ArmLearning(AbstractAdaptation):
         "learning of each joint, in use while the arm's model is not", default_factory=JointLearning
     )
     samples: int = parameter("samples between two windows", "", ">= 3", static=True, default=10)
-    noise: Scalar = parameter("r, deviation of a window's torque", "N m or N", "> 0", default=0.02)
-    mass: Scalar = parameter("deviation of the payload's mass at the start", "kg", "> 0", default=2.5)
-    moment: Scalar = parameter("deviation of its mass times centre", "kg m", "> 0", default=0.5)
-    inertia: Scalar = parameter("deviation of its inertia", "kg m²", "> 0", default=0.08)
-    factor: PerJoint = parameter("deviation of a link's relative mass", "", "> 0", default=0.2)
+    noise: Scalar = parameter("r, standard deviation of a window's torque", "N m or N", "> 0", default=0.02)
+    mass: Scalar = parameter("standard deviation of the payload's mass at the start", "kg", "> 0", default=2.5)
+    moment: Scalar = parameter("standard deviation of its mass times centre", "kg m", "> 0", default=0.5)
+    inertia: Scalar = parameter("standard deviation of its inertia", "kg m²", "> 0", default=0.08)
+    factor: PerJoint = parameter("standard deviation of a link's relative mass", "", "> 0", default=0.2)
     viscous: PerJoint = parameter("deviation of viscous friction", "N m s/rad or N s/m", "> 0", default=0.4)
     coulomb: PerJoint = parameter("deviation of Coulomb friction", "N m or N", "> 0", default=0.4)
     rotor: PerJoint = parameter("deviation of a rotor's inertia", "kg m² or kg", "> 0", default=0.15)
@@ -154,15 +156,15 @@ class ArmLearning(AbstractAdaptation):
 
     @property
     def shapes(self) -> TorqueShapes:
-        """Stribeck friction and ripple; their coefficients begin with the deviation of Coulomb friction."""
+        """Stribeck friction and ripple; at the start their coefficients have the deviation of Coulomb friction."""
         return TorqueShapes(self.stribeck, self.ripple)
 
     def parameters(self, vector: Float[Array, " p"]) -> ArmParameters:
-        """Return the parameters of the arm from one vector."""
+        """Return the parameters of the arm from one vector θ, in the order of `ArmParameters.of`."""
         return ArmParameters.of(vector, self.shapes.count)
 
     def deviations(self, joints: int) -> Float[Array, " p"]:
-        """Return the standard deviations at the start [p]."""
+        """Return the standard deviation of each parameter at the start [p], in the order of `ArmParameters.of`."""
         payload = [self.mass[None], jnp.broadcast_to(self.moment, 3), jnp.broadcast_to(self.inertia, 6)]
         each = self.factor, self.viscous, *[self.coulomb] * (2 + self.shapes.count), self.rotor
         return jnp.concatenate([*payload, *(jnp.broadcast_to(value, joints) for value in each)])
@@ -228,11 +230,11 @@ class ArmLearning(AbstractAdaptation):
         return memory.slot == self.samples - 1
 
     def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
-        """Each joint's own learning after a sample; while the arm's model is in full use, its rotors and friction.
+        """The memory of each joint's own learning after a sample.
 
-        The joints' learning continues from there after a loud window, when the arm may have changed: with the arm's
-        rotors alone, since with the inertia of payload and links on the diagonal, but without their couplings, the
-        feedback would be too strong.
+        While the arm's model is in full use, it has that model's rotors and friction, from which the joints' learning
+        continues when the arm changes. It has the rotors alone, since with the inertia of payload and links on the
+        diagonal, but without their couplings, the feedback would be too strong.
         """
         joints, arm = self.joints(x, memory.joints), self.parameters(memory.estimates.used)
         rotor = jnp.clip(self.counted + arm.rotor, self.joints.rotor_min, self.joints.rotor_max)
@@ -242,7 +244,7 @@ class ArmLearning(AbstractAdaptation):
         return eqx.tree_at(lambda own: (own.rotor, own.coulomb), joints, both)
 
     def _taught(self, slot: Scalar, equations: Equations, estimates: Estimates, variance: Vector) -> Estimates:
-        """The estimates after this sample's share of the equations, whose noise has a variance [n]."""
+        """The estimates after this sample's share of the equations; `variance`: of the equations' noise [n]."""
         n = equations.y.size
         share = math.ceil(n / min(BUSY, self.samples - 2))
 
@@ -274,7 +276,7 @@ class ArmLearning(AbstractAdaptation):
         estimates: Estimates,
         memory: ArmLearningMemory,
     ) -> tuple[Float[Array, "4 k n"], Equations, Trust, Vector]:
-        """The equations of the window that ends with this sample, and the filter's inertia.
+        """The sums, equations, trust and estimator inertia after a window that ends with this sample.
 
         - `memory`: before this sample.
         """
@@ -357,7 +359,7 @@ class ArmLearning(AbstractAdaptation):
         )
 
     def _inertia_deviation(self, equations: Equations, estimates: Estimates) -> Vector:
-        """`√(m_iᵀ P m_i)/M_ii` with `m_i = ∂M_ii/∂θ` [n], anew for one joint after each window."""
+        """`√(m_iᵀ P m_i)/M_ii` with `m_i = ∂M_ii/∂θ` [n]; each window updates one joint."""
         n, p = equations.y.size, estimates.parameters.size
         turn = jnp.arange(n, dtype=float) == estimates.turn
         inertia, nominal = equations.inertia, equations.nominal
@@ -383,7 +385,7 @@ class ArmLearning(AbstractAdaptation):
         return jax.lax.cond(missing != 0.0, lambda: moved_along(vector, covariance, row, missing), lambda: vector)
 
     def _consistent(self, x: Experience, vector: Float[Array, " p"]) -> Float[Array, " p"]:
-        """The nearest parameters of an arm that can exist."""
+        """The parameters, projected onto the set of arms that can exist."""
         parameters, arm = self.parameters(vector), articulated(x.nominal)
         n = parameters.rotor.size
         lower, upper = self._bounds(n)
@@ -414,7 +416,7 @@ class ArmLearning(AbstractAdaptation):
         )
 
     def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> Believed:
-        """Return the nominal arm with a share of the learnt payload and link masses, and the rotors."""
+        """Return the nominal arm with the share α of the learnt payload, links and ripple, and with the rotors."""
         own = self.parameters(memory.estimates.used)
         arm: AbstractRobot = arm_with(nominal, memory.trust.share, own)
         if self.ripple is not None and own.more is not None:
@@ -439,17 +441,17 @@ class ArmLearning(AbstractAdaptation):
         return own + memory.trust.share * (learnt - own)
 
     def share(self, memory: ArmLearningMemory) -> Scalar:
-        """Return α."""
+        """Return α, the weight of the arm's model in the law's model, 0 to 1."""
         return memory.trust.share
 
     def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
-        """True while α is 1."""
+        """True while α is 1: the law uses the arm's model alone."""
         return memory.trust.share >= 1.0
 
     def signals(self, memory: ArmLearningMemory) -> dict[str, Array]:
         """Return `rotor`, `coulomb`, and the arm's parameters with their deviations.
 
-        `arm_share` is α; `inertia_deviation` [n] that of M_ii relative to itself. `static_excess`, `ripple_cosine` and
+        `arm_share` is α; `inertia_deviation` [n] that of M_ii over M_ii. `static_excess`, `ripple_cosine` and
         `ripple_sine` [n] are the coefficients of Stribeck friction and ripple, if they are learnt.
         """
         arm, deviation = (self.parameters(v) for v in (memory.estimates.used, memory.estimates.deviation))
@@ -468,7 +470,7 @@ class ArmLearning(AbstractAdaptation):
         }
 
     def frozen(self, memory: ArmLearningMemory) -> AbstractAdaptation:
-        """Return the model in use as a constant one, without Stribeck friction and ripple."""
+        """Return the model in use as a constant adaptation, without Stribeck friction and ripple."""
         learnt, arm = self.learnt(memory), self.parameters(memory.trust.share * memory.estimates.used)
         own = (1.0 - memory.trust.share) * self.joints.learnt(memory.joints).coulomb
         return KnownArm(

@@ -20,7 +20,7 @@ from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
 
 FRICTION_SPEEDS = 0.01, 0.04
-"""rad/s or m/s: v_1 and v_2 in the two shapes `tanh(q̇/v)` of Coulomb friction; the plant's own v lies between them."""
+"""rad/s or m/s: v_1 and v_2 in the two shapes `tanh(q̇/v)` of Coulomb friction; the true arm's v lies between them."""
 
 
 class ArmParameters(eqx.Module):
@@ -103,16 +103,16 @@ class TorqueShapes(eqx.Module):
         return {} if coefficients is None else dict(zip(names, coefficients, strict=True))
 
     def of(self, q: Vector, dq: Vector) -> list[Vector]:
-        """Return the shapes at a state, [n] each."""
+        """Return the torque for a coefficient of 1, [n] each: Stribeck friction, then cosine and sine of the ripple."""
         return [*self._slow(dq), *self._waves(q)]
 
     def friction(self, dq: Vector, coefficients: Float[Array, "m n"]) -> Vector:
-        """Return Stribeck friction, [n], N m or N."""
+        """Return Stribeck friction, [n], N m or N; `coefficients` in the order of `of`."""
         slow = self._slow(dq)
         return coefficients[0] * slow[0] if slow else jnp.zeros_like(dq)
 
     def ripple_torque(self, q: Vector, coefficients: Float[Array, "m n"]) -> Vector:
-        """Return the torque that the drives need against ripple, [n], N m or N."""
+        """Return the torque that the drives need against ripple, [n], N m or N; `coefficients` in the order of `of`."""
         cosine, sine = self._waves(q)
         return coefficients[-2] * cosine + coefficients[-1] * sine
 
@@ -154,13 +154,14 @@ class Rippled(AbstractRobot):
 
 
 def coupled_inertia(mass: Matrix, share: Scalar) -> Vector:
-    """Return the geometric mean of `M_ii` and `1/√(Σ_j (M⁻¹)_ij²)` with the weights 1 - α and α, [n].
+    """Return the inertia from which each joint's estimator bandwidth is computed, [n], kg m² or kg.
 
-    The second is the inertia with which a joint responds to torques of equal density on all joints. A payload's
-    coupling makes it much smaller than `M_ii`.
+    It is the geometric mean of `M_ii` and `1/√(Σ_j (M⁻¹)_ij²)` with the weights 1 - α and α. The second is the inertia
+    with which a joint responds to torques of equal density on all joints. A payload's coupling makes it much smaller
+    than `M_ii`.
 
-    - `mass`: M [n n].
-    - `share`: α.
+    - `mass`: inertia matrix M [n n].
+    - `share`: α, weight of the learnt arm model in the law's model.
     """
     inverse = jax.vmap(solve_symmetric, (None, 0))(mass, jnp.eye(mass.shape[0]))
     diagonal = jnp.diagonal(mass)
@@ -175,6 +176,9 @@ def parameter_count(joints: int, more: int = 0) -> int:
 
 def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -> Adjusted:
     """Return a nominal arm with a share of the differences in payload and links; rotors and friction stay nominal.
+
+    - `share`: factor of the differences, 0 to 1.
+    - `parameters`: the differences from the nominal arm.
 
     Raises DefinitionError if the arm is not an articulated one.
     """

@@ -23,7 +23,7 @@ WAIT = 0.1
 """s: time for which a joint must be well inside its envelope before its steps are calm."""
 
 ERROR_SHARE, LED_SHARE = 0.2, 0.3
-"""A joint is well inside if its error and its led error are below these shares of their envelopes."""
+"""A joint is well inside its envelope if error and led error are below these shares of the narrower side of theirs."""
 
 SUDDEN, USUAL_TIME = 6.0, 1.0
 """Change of the estimated disturbance that ends calm steps, over its recent mean; and that mean's time constant, s."""
@@ -32,7 +32,8 @@ DAMPING, TURN = 0.7, 0.71
 """Real and imaginary part of a pair of poles, over the bandwidth; the third pole is real, at the bandwidth."""
 
 GROWTH, DECAY, STEEPEST = 30.0, 0.5, 3.0
-"""Growth rate of the bandwidth for an excess of 1 [1/s], its decay rate [1/s], and the largest excess that counts."""
+"""Growth rate of the bandwidth at an error of twice its threshold `near` [1/s], its decay rate below it [1/s], and the
+largest relative excess of the error over the threshold that counts."""
 
 
 class Calm(AbstractPart):
@@ -47,7 +48,7 @@ class Calm(AbstractPart):
     near: PerJoint = parameter(
         "share of the envelope's narrower side, beyond which an error raises the bandwidth", "", "(0, 1)", default=0.02
     )
-    room: PerJoint = parameter("largest share of the envelope at which a step aims", "", "(0, 1)", default=0.8)
+    room: PerJoint = parameter("largest share of the led envelope at which a step aims", "", "(0, 1)", default=0.8)
 
 
 class CalmMemory(eqx.Module):
@@ -55,9 +56,9 @@ class CalmMemory(eqx.Module):
 
     - `plan`: memory of the law's own step.
     - `acceleration`: acceleration of the last step minus the reference's, rad/s² or m/s².
-    - `disturbance`: ŵ of the last step, rad/s² or m/s².
+    - `disturbance`: ŵ, estimated disturbance at the last step, rad/s² or m/s².
     - `inside`: time well inside the envelope so far, s.
-    - `pace`: bandwidth over its least value.
+    - `pace`: bandwidth over its value for small errors.
     - `usual`: recent mean of the change of ŵ from one sample to the next, rad/s² or m/s².
     """
 
@@ -73,7 +74,9 @@ class CalmStep(AbstractStep):
     """A step with a surface, which changes the torque as little as it can while a joint is well inside its envelope.
 
     All accelerations are relative to the reference's. The error e and its rate v are those when the torque sets in, a⁻
-    is the last step's acceleration, and Δw the change of the disturbance since then:
+    is the last step's acceleration, and Δw the change of the disturbance since then. h is the period, H the horizon,
+    `y = e + (H - h/2) v` the led error, ρ_a the radius of its envelope at the horizon's end, and b and b̄ the sides of
+    the envelope over its radius:
 
     1. `z = a⁻ + Δw`: the acceleration if the torque does not change;
     2. `a = z - K1 e - K2 v - K3 z`: with `e⁺ = e + h v + h² a/2`, `v⁺ = v + h a` the loop has the poles `exp(-d)` and
@@ -94,7 +97,7 @@ class CalmStep(AbstractStep):
     """
 
     plan: AbstractSurfaceStep = piece("the law's own step")
-    calm: Calm = piece("bandwidth and room")
+    calm: Calm = piece("settings: bandwidth, and share of the envelope")
     plans: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
@@ -203,9 +206,11 @@ class CalmStep(AbstractStep):
 
 
 def gains(bandwidth: Vector, h: Scalar) -> tuple[Vector, Vector, Vector]:
-    """`K1`, `K2`, `K3` [n] in 1/s², 1/s and 1, by Ackermann's formula for the state e, v, z.
+    """Return the gains K1 [1/s²], K2 [1/s] and K3 of `a = z - K1 e - K2 v - K3 z`, [n] each, by pole placement.
 
-    - `bandwidth`: ω [n], rad/s.
+    Ackermann's formula gives them for the state e, v, z and the poles of `CalmStep`.
+
+    - `bandwidth`: ω of each joint [n], rad/s.
     - `h`: period [s].
     """
     d = bandwidth * h

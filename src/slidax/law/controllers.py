@@ -55,13 +55,14 @@ class AbstractController(AbstractPart):
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep | None:
         """Return the law as an implicit step over a horizon, for `sampled_data`; None if it has no such form.
 
-        - `recovery`: policy outside the envelope.
-        - `slopes`: True if the robust torque u counts the slope part of τ1 in ‖τ0 + τ1‖, as printed in (45).
+        - `recovery`: policy outside the envelope; None: return to the prescribed envelope.
+        - `slopes`: True to include in τ0 + τ1, from which the size u of the robust torque is computed, the acceleration
+          that keeps s constant, as in the paper's eq. (45). False leaves it out, so that u is smaller.
         """
         return None
 
     def at_period(self, period: Scalar) -> AbstractController:
-        """Return the law with the gains for a period [s], for its sampled-data form without a plan."""
+        """Return the law with gains for a sampling period [s]; used for laws without an implicit step."""
         return self
 
 
@@ -90,7 +91,7 @@ class AbstractModelBased(AbstractController):
 
 
 class AbstractSurfaceBased(AbstractModelBased):
-    """A law with the sliding variable `s = ė + A e + φ(ε1)` of (40)."""
+    """A law with the sliding variable `s = ė + A e + φ(ε1)` of the paper's eq. (40), with the transformed error ε1."""
 
     plans: ClassVar[bool] = True
 

@@ -14,7 +14,10 @@ from slidax.core.types import PerJoint, Scalar
 
 
 class AbstractPerformance(AbstractPart):
-    """A positive, decreasing, twice differentiable `ρ(t)` with a positive limit: Definition 4, from [28]."""
+    """Radius ρ(t) of the error envelope: positive, decreasing, twice differentiable, with a positive limit.
+
+    The paper's Definition 4, which it takes from [28].
+    """
 
     initial: PerJoint = parameter(
         "ρ0, radius at the start, more than the initial error",
@@ -26,13 +29,13 @@ class AbstractPerformance(AbstractPart):
 
     @abstractmethod
     def radius(self, t: Scalar) -> PerJoint:
-        """`ρ(t)`, [n], rad or m.
+        """Return the radius `ρ(t)`, [n] or one number, rad or m.
 
         - `t`: time [s], >= 0.
         """
 
     def radius_rate_curvature(self, t: Scalar) -> tuple[PerJoint, PerJoint, PerJoint]:
-        """`ρ, ρ̇, ρ̈`, each [n], by differentiation.
+        """Return ρ and its first and second time derivatives, by automatic differentiation; each as `radius`.
 
         - `t`: time [s], >= 0.
         """
@@ -40,7 +43,7 @@ class AbstractPerformance(AbstractPart):
 
 
 class FixedTime(AbstractPerformance):
-    """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`, eq. (20)."""
+    """`ρ(t) = (ρ0 - ρ∞)(1 - t/T)^σ + ρ∞` for `t < T`, then `ρ∞`: the paper's eq. (20)."""
 
     title = "The paper's performance function, with a prescribed settling time."
 

@@ -16,7 +16,7 @@ from .envelopes import AbstractPerformance
 
 
 class Sides(eqx.Module):
-    """The two sides of the envelope as fractions of ρ, `lower ρ < e < upper ρ`, eq. (13).
+    """The two sides of the envelope as fractions of ρ, `lower ρ < e < upper ρ`, the paper's eq. (13).
 
     - `lower`: b, [n], in [-1, 0).
     - `upper`: b̄, [n], in (0, 1].
@@ -27,7 +27,9 @@ class Sides(eqx.Module):
 
 
 def psi(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`ψ(x) = b b̄ (eˣ - 1)/(b eˣ - b̄)`, eq. (21): increasing, from b at -∞ to b̄ at +∞, and 0 at 0.
+    """Return e/ρ for a transformed error x: `ψ(x) = b b̄ (eˣ - 1)/(b eˣ - b̄)`, the paper's eq. (21).
+
+    ψ increases from b at -∞ to b̄ at +∞, and is 0 at 0.
 
     - `x`: transformed error.
     - `sides`: b and b̄, broadcast with `x`.
@@ -36,7 +38,7 @@ def psi(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
 
 
 def psi_and_slope(x: Float[Array, "..."], sides: Sides) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """`ψ(x)` of (21), and `ψ'(x) = b b̄ (b - b̄) eˣ/(b eˣ - b̄)²`, which is > 0.
+    """Return `ψ(x)` of the paper's eq. (21), and its derivative `b b̄ (b - b̄) eˣ/(b eˣ - b̄)²`, which is > 0.
 
     - `x`: transformed error.
     - `sides`: b and b̄, broadcast with `x`.
@@ -52,7 +54,7 @@ def psi_and_slope(x: Float[Array, "..."], sides: Sides) -> tuple[Float[Array, ".
 
 
 def psi_inverse(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`ψ⁻¹(x) = ln( b̄ (x - b) / (-b (b̄ - x)) )`, eq. (23); NaN outside (b, b̄).
+    """Return the transformed error `ψ⁻¹(x) = ln( b̄ (x - b) / (-b (b̄ - x)) )`, the paper's eq. (23); NaN outside (b, b̄).
 
     - `x`: error over radius, e/ρ.
     - `sides`: b and b̄, broadcast with `x`.
@@ -62,7 +64,7 @@ def psi_inverse(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
 
 
 def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
-    """`v(x) = 1/(x - b) + 1/(b̄ - x)`, eq. (27), over a common denominator.
+    """Return the derivative of `ψ⁻¹`, `1/(x - b) + 1/(b̄ - x)`, the paper's eq. (27).
 
     - `x`: error over radius, e/ρ.
     - `sides`: b and b̄, broadcast with `x`.
@@ -71,7 +73,7 @@ def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "...
 
 
 class EnvelopeFrame(eqx.Module):
-    """Limits of the led error `y = e + c ė` now, and at the end of a plan over one horizon.
+    """Limits of the led error `y = e + c ė` now, and at the end of a plan over one horizon H; c is the lead time.
 
     - `now`: radius of the led envelope, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
     - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.
@@ -83,7 +85,7 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`ψ(ε)` and its derivative, [n]: the normalised place in the frame; times `now` or `ahead` it is in rad or m.
+        """Return `ψ(ε)` and its derivative, [n]: the led error over its radius, which is `now` or `ahead`.
 
         - `eps`: transformed error [n].
         """
@@ -92,7 +94,9 @@ class EnvelopeFrame(eqx.Module):
         return psi_and_slope(eps, self.sides)
 
     def transformed(self, y: Vector) -> Vector:
-        """`ψ⁻¹(y/now)`, [n], with y clipped to the frame less a relative 1e-9, so that it is defined for every y.
+        """Return the transformed error `ψ⁻¹(y/now)` of a led error y, [n].
+
+        y is clipped to the limits less a relative 1e-9, so that the result is finite for every y.
 
         - `y`: led error [n], rad or m.
         """
@@ -104,7 +108,7 @@ class EnvelopeFrame(eqx.Module):
 
 
 class TransformedError(eqx.Module):
-    """The transformed error on which a surface acts, `ε̇1 = ε2 = B (ė + A e)`, eqs. (25)-(28). All [n].
+    """The transformed error on which a surface acts, `ε̇1 = ε2 = B (ė + A e)`, the paper's eqs. (25)-(28). All [n].
 
     - `eps1`: transformed error ε1.
     - `eps2`: its rate ε2, 1/s.
@@ -125,7 +129,7 @@ class AbstractTransformation(AbstractPart):
 
     @abstractmethod
     def init(self, t: Scalar, e: Vector) -> Memory:
-        """State of the transformation, from the error at the start: any pytree.
+        """Return the memory of the transformation, any pytree of arrays, from the error at the start.
 
         - `t`: time at the start [s].
         - `e`: error at the start [n].
@@ -133,40 +137,40 @@ class AbstractTransformation(AbstractPart):
 
     @abstractmethod
     def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Memory) -> TransformedError:
-        """The transformed error.
+        """Return the transformed error.
 
         - `t`: time [s].
         - `e`, `de`: error and its rate [n].
-        - `memory`: what `init` returned.
+        - `memory`: from `init`.
         """
 
     @abstractmethod
     def envelope(self, t: Scalar, memory: Memory) -> Envelope | None:
-        """The bounds that the error must keep, or None if there are none.
+        """Return the bounds that the error must keep; None if there are none.
 
         - `t`: time [s].
-        - `memory`: what `init` returned.
+        - `memory`: from `init`.
         """
 
     @abstractmethod
     def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Memory) -> EnvelopeFrame:
-        """Interval of the led error `y = e + c ė`, now and one horizon later, for a law that plans in discrete time.
+        """Return the limits of the led error `y = e + c ė` now and one horizon later, for a law with an implicit step.
 
         - `t`: time [s].
         - `lead_time`: c [s].
         - `horizon`: H [s].
-        - `memory`: what `init` returned.
+        - `memory`: from `init`.
         """
 
 
 SLIMMEST = 0.1
-"""Smallest width of a plan's frame relative to the envelope, for an envelope that narrows fast."""
+"""Smallest radius of the led envelope over that of the envelope; it limits the lead while the envelope narrows fast."""
 
 
 class PrescribedPerformance(AbstractTransformation):
-    """`ε1 = ψ⁻¹(e/ρ)`, eq. (24), with `ψ⁻¹` of (23): an error inside the envelope becomes any real number.
+    """`ε1 = ψ⁻¹(e/ρ)`, the paper's eqs. (23), (24): an error inside the envelope becomes any real number.
 
-    The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ, eq. (13).
+    The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ.
     """
 
     title = "The logarithmic transformation from the envelope to all real numbers."
@@ -175,11 +179,11 @@ class PrescribedPerformance(AbstractTransformation):
     overshoot: PerJoint = parameter("ϑ, width over ρ of the side away from the initial error", "", "(0, 1)", "(eq. 13)")
 
     def init(self, t: Scalar, e: Vector) -> Sides:
-        """The sides by the sign of the initial error, eq. (13)."""
+        """Return the sides of the envelope, which follow from the sign of the initial error (the paper's eq. 13)."""
         return Sides(lower=jnp.where(e >= 0, -self.overshoot, -1.0), upper=jnp.where(e >= 0, 1.0, self.overshoot))
 
     def __call__(self, t: Scalar, e: Vector, de: Vector, memory: Sides) -> TransformedError:
-        """Eqs. (24)-(28), with `Ȧ = diag(-(ρ̈ρ - ρ̇²)/ρ²)`."""
+        """Return the transformed error by the paper's eqs. (24)-(28), with `Ȧ = diag(-(ρ̈ρ - ρ̇²)/ρ²)`."""
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         # One division, and it does not wait for the error.
         inverse = 1.0 / rho
@@ -196,12 +200,12 @@ class PrescribedPerformance(AbstractTransformation):
         )
 
     def envelope(self, t: Scalar, memory: Sides) -> Envelope:
-        """`b ρ(t) < e < b̄ ρ(t)`, eq. (12)."""
+        """Return the bounds `b ρ(t) < e < b̄ ρ(t)`, the paper's eq. (12)."""
         rho = self.performance.radius(t)
         return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
 
     def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Sides) -> EnvelopeFrame:
-        """The envelope of the led error, and its tangent one horizon later."""
+        """Return the envelope of the led error, and its tangent one horizon later."""
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         slimmest = SLIMMEST * rho
         now = jnp.maximum(rho + lead_time * drho, slimmest)
@@ -211,7 +215,7 @@ class PrescribedPerformance(AbstractTransformation):
 
 
 class Unconstrained(AbstractTransformation):
-    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, (40)-(45) are the law of a scheme without an envelope."""
+    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, the paper's eqs. (40)-(45) are a law without an envelope."""
 
     title = "The identity, for schemes without an envelope."
 
@@ -219,7 +223,7 @@ class Unconstrained(AbstractTransformation):
         return ()
 
     def __call__(self, t: Scalar, e: Vector, de: Vector, memory: tuple[()]) -> TransformedError:
-        """The error and its rate as they are, [rad], [rad/s]."""
+        """Return the error and its rate unchanged, rad and rad/s, or m and m/s."""
         zero = jnp.zeros_like(e)
         return TransformedError(eps1=e, eps2=de, beta=jnp.ones_like(e), alpha=zero, alpha_rate=zero)
 

@@ -37,7 +37,7 @@ class AbstractEstimator(AbstractPart):
 
     @abstractmethod
     def init(self, measured: State) -> Memory:
-        """Estimator state after the first measurement: any pytree of arrays, also an empty one.
+        """Return the memory after the first measurement: any pytree of arrays, also an empty one.
 
         The first estimate is that measurement, with `disturbance = 0`.
         """
@@ -64,7 +64,7 @@ class AbstractEstimator(AbstractPart):
         return self
 
     def with_share(self, share: Scalar) -> AbstractEstimator:
-        """Return the estimator for a weight of the learnt model; `self` if the estimator does not depend on it.
+        """Return the estimator for another weight of the learnt model; `self` if it does not depend on the weight.
 
         - `share`: weight of the learnt model in the law's model, 0 to 1.
         """
@@ -103,10 +103,10 @@ loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
 class Measured(AbstractEstimator):
     """`q = q'`, `q̇ = q̇'`, and the disturbance from the velocity's prediction error by an α-β filter.
 
-    With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`, `d⁺ = d + b (r + ŵ - w - h d)/h`,
-    `ŵ⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of the last period and d its rate.
-    The disturbance ŵ is extrapolated to the time when the next torque acts, which compensates a steady growth without
-    a lag. For sensors with a good velocity.
+    A prime marks measured values. With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`,
+    `d⁺ = d + b (r + ŵ - w - h d)/h`, `ŵ⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of
+    the last period and d its rate. The disturbance ŵ is extrapolated to the time when the next torque acts, which
+    compensates a steady growth without a lag. For sensors with a good velocity.
     """
 
     title = "Measured positions and velocities, and an α-β filter of the disturbance."
@@ -158,7 +158,7 @@ class Measured(AbstractEstimator):
         return cls.critical(jnp.minimum(WITH_TREND, most), delay + 1.0)
 
     def init(self, measured: State) -> Vector:
-        """The disturbance's rate d, zero at the start."""
+        """Return the disturbance's rate d, zero at the start [n]."""
         return jnp.zeros_like(measured.q)
 
     def __call__(
@@ -180,9 +180,10 @@ class Measured(AbstractEstimator):
 class FilteredDifference(AbstractEstimator):
     """`q = q'`, `q̇ = q̇_predicted + a d`, `ŵ⁺ = ŵ + g a² d/h`, with `a = 1 - e^{-c h}`.
 
-    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`. A complementary filter: slow changes of
-    the velocity come from the measured positions, and fast changes from the model. The filter therefore lags only
-    behind unmodelled motion. Measured velocities are not used.
+    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`, with the measured position q', its last
+    value q'₋, and the last estimate q̇₋. A complementary filter: slow changes of the velocity come from the measured
+    positions, and fast changes from the model. The filter therefore lags only behind unmodelled motion. Measured
+    velocities are not used.
 
     For `c h << 1` the errors decay as `λ² + c λ + g c²`: a damping of `1/(2 √g)`, critical for g = 1/4; they decay
     for all `c h` and `0 < g <= 1`.
@@ -196,13 +197,13 @@ class FilteredDifference(AbstractEstimator):
     )
 
     def init(self, measured: State) -> State:
-        """The last measured position and the last estimated velocity."""
+        """Return the last measured position and the last estimated velocity: at the start the measured ones."""
         return measured
 
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: State
     ) -> tuple[Estimate, State]:
-        """The measured positions, the filtered velocities, and the disturbance."""
+        """Return measured positions, filtered velocities and the disturbance, and the memory for the next sample."""
         share = -jnp.expm1(-self.cutoff * elapsed)
         correction = share * ((measured.q - memory.q) / elapsed - 0.5 * (prior.state.dq + memory.dq))
         usual = Estimate(
@@ -225,12 +226,12 @@ class RobustDifferentiator(AbstractEstimator):
     σ0, σ1, σ2 are the errors of position, velocity and disturbance. They reach zero in finite time if the disturbance
     changes no faster than L. Measured velocities are not used.
 
-    With `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position, `σ0 = L h³ y³ sgn(r)`, a step of
-    implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected from the set-valued sign.
-    Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`, `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While
-    `R <= λ2`, y is 0, and the estimation error vanishes within three samples without chattering. The factor 3/2 is 1
-    for the Euler step, whose velocity lags by half a period, plus 1/2 for that lag (Seeber). A motion that the model
-    predicts exactly with a constant disturbance is then estimated exactly.
+    With the measured position q', `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position,
+    `σ0 = L h³ y³ sgn(r)`, a step of implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is
+    selected from the set-valued sign. Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`,
+    `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While `R <= λ2`, y is 0, and the estimation error vanishes within three samples without
+    chattering. The factor 3/2 is 1 for the Euler step, whose velocity lags by half a period, plus 1/2 for that lag
+    (Seeber). A motion that the model predicts exactly with a constant disturbance is then estimated exactly.
 
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit
@@ -247,7 +248,7 @@ class RobustDifferentiator(AbstractEstimator):
     def __call__(
         self, measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, ""], memory: tuple[()]
     ) -> tuple[Estimate, tuple[()]]:
-        """The estimate with the smallest position error that a change of the disturbance can explain."""
+        """Return the estimate; its position is the measured one unless no disturbance explains the residual."""
         residual = measured.q - prior.state.q
         sign = jnp.sign(residual)
         # The bounds are out of reach of any arm; they keep the quotient finite for all numbers.

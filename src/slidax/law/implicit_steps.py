@@ -32,9 +32,11 @@ ROUNDING = 4e-16
 
 
 class Barrier(eqx.Module):
-    """`f(ε) = now ψ(ε) + H φ(ε)`, increasing from -∞ to ∞: `f(ε) = y + H s⁺` has one solution ε for every y and s⁺.
+    """Equation `f(ε) = y + H s⁺` for the transformed error ε at the end of a plan, with `f(ε) = now ψ(ε) + H φ(ε)`.
 
-    - `frame`: `now`, ψ.
+    f increases from -∞ to ∞: there is exactly one ε for every led error y and every sliding variable s⁺.
+
+    - `frame`: `now`, the radius of the led envelope, and ψ.
     - `surface`: φ.
     - `horizon`: H [s].
     """
@@ -54,7 +56,8 @@ class Barrier(eqx.Module):
         """Return the ε with `f(ε) = target`, [n].
 
         - `target`: y + H s⁺, [n], rad or m.
-        - `at_guess`: value and slope at the guess.
+        - `guess`: ε from which the search begins [n].
+        - `at_guess`: f and its derivative at the guess, [n] each.
         """
         size = jnp.abs(target)
         # At this ε, φ alone reaches the target; ψ and φ have the target's sign.
@@ -88,7 +91,7 @@ class Plan(eqx.Module):
 
     @staticmethod
     def near(barrier: Barrier, y: Vector, v: Vector, s: Vector, eps: Vector) -> Plan:
-        """Return a plan with its surface evaluated at the guess `eps`."""
+        """Return a plan, with ψ, φ and f evaluated at the guess `eps`; arguments as in `Plan`."""
         frame, horizon = barrier.frame, barrier.horizon
         psi, psi_slope = _psi_and_slope(frame, eps)
         phi, phi_slope = _phi_and_slope(barrier.surface, eps)
@@ -96,13 +99,18 @@ class Plan(eqx.Module):
         return Plan(barrier, y, v, s, eps, psi, psi_slope, value, slope)
 
     def holding_acceleration(self) -> Vector:
-        """Acceleration relative to the reference's that keeps s, by one Newton step: [n], rad/s² or m/s²."""
+        """Return the acceleration, relative to the reference's, that keeps s constant, [n], rad/s² or m/s².
+
+        It is computed by one Newton step from the guess.
+        """
         horizon = self.barrier.horizon
         psi = self.psi + self.psi_slope * (self.y + horizon * self.s - self.value) / self.slope
         return ((self.barrier.frame.ahead * psi - self.y) / horizon - self.v) / horizon
 
     def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
-        """Return the ε at the plan's end, [n], and the acceleration relative to the reference's, [n], rad/s² or m/s².
+        """Return the transformed error at the plan's end [n], and the plan's acceleration [n], rad/s² or m/s².
+
+        The acceleration is relative to the reference's.
 
         - `s_next`: the sliding variable s⁺ at the plan's end [n], rad/s or m/s.
         """
@@ -132,8 +140,8 @@ class SurfaceMemory(eqx.Module):
 
     - `sides`: memory of the transformation.
     - `s`: planned sliding variable at the next sample [n].
-    - `eps`: guess of the next plan's transformed error [n].
-    - `last_eps`: the last plan's transformed error [n].
+    - `eps`: guess of the transformed error at the end of the next plan [n].
+    - `last_eps`: transformed error at the end of the last plan [n].
     - `reset`: envelopes that replace the prescribed ones; None without a recovery.
     - `reaching`: memory of the reaching law.
     """
@@ -162,7 +170,7 @@ class ReachingStep(eqx.Module):
 
 
 class AbstractSurfaceStep(AbstractStep):
-    """The law `s = ė + A e + φ(ε1)` as one implicit Euler step over the horizon H, repeated in every period h.
+    """The law with the surface `s = ė + A e + φ(ε1)` as one implicit Euler step over the horizon H, in every period h.
 
     With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
 
@@ -177,8 +185,8 @@ class AbstractSurfaceStep(AbstractStep):
     """
 
     nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
-    transformation: AbstractTransformation = piece("as in the printed law: e to ε1")
-    surface: AbstractSurface = piece("as in the printed law: φ(ε1)")
+    transformation: AbstractTransformation = piece("error transformation of the printed law: e to ε1")
+    surface: AbstractSurface = piece("surface of the printed law: φ(ε1)")
     recovery: Recovery | None = piece("policy outside the envelope; None: return to the prescribed envelope")
     plans: ClassVar[bool] = True
 
@@ -196,10 +204,10 @@ class AbstractSurfaceStep(AbstractStep):
 
     @abstractmethod
     def reach(self, moment: StepInput, plan: Plan, memory: Memory) -> ReachingStep:
-        """Return one implicit step of the reaching law.
+        """Return one implicit step of the reaching law: s⁺ at the horizon's end, and the law's memory.
 
-        - `moment`: the predicted arm.
-        - `plan`: start of the step, with s.
+        - `moment`: predicted state, reference and model at the time when the torque sets in.
+        - `plan`: start of the plan over the horizon, with the sliding variable s.
         - `memory`: from `reach_init` or the last sample.
         """
 
@@ -219,7 +227,7 @@ class AbstractSurfaceStep(AbstractStep):
         )
 
     def restarted(self, t: Scalar, memory: SurfaceMemory) -> Memory:
-        """Reset the recovery; the sides of the prescribed envelope stay."""
+        """Return the memory without the recovery's new envelopes; the sides of the prescribed envelope stay."""
         if self.recovery is None:
             return memory
         return eqx.tree_at(lambda kept: kept.reset, memory, self.recovery.init(t, self.nominal.joints))
@@ -285,7 +293,7 @@ class AbstractSurfaceStep(AbstractStep):
         return self.transformation.envelope(t, memory.sides)
 
     def _measured(self, frame: EnvelopeFrame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
-        """`s = ė + A y + φ(ε)` and ε from the measurement, with y clipped to the frame."""
+        """`s = ė + A y + φ(ε)` and ε from the measurement, with y clipped to the led envelope."""
         eps = frame.transformed(y)
         drift = (frame.now - frame.ahead) / (horizon * frame.now)
         return v + drift * y + self.surface.phi_and_slope(eps)[0], eps
@@ -299,17 +307,19 @@ def _slowness(moment: StepInput) -> Vector:
 
 
 class SlidingStep(AbstractSurfaceStep):
-    """`A (s⁺ - s) = -K0 Sig^r(s⁺) - u N(s⁺)`, `A = M0/H`, with (41)-(45): the reaching step, for any reaching law.
+    """Implicit step of the paper's law (41)-(45): `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, with `A = M0/H`.
 
-    The compensated disturbance is at most u.
+    P and N are the continuous term and the switching direction of the reaching law; the paper has `P = K0 Sig^r`. The
+    compensated disturbance torque has at most the norm u.
 
     Signals: `s`, `s_next` (s⁺), `eps1` [n], `u`; with a recovery `envelope_reset` [n], 1 where it acts.
     """
 
-    reaching: AbstractReaching = piece("as in the printed law: how s is driven to zero")
-    bound: AbstractBound = piece("as in the printed law: u")
+    reaching: AbstractReaching = piece("reaching law of the printed law: drives s to zero")
+    bound: AbstractBound = piece("bound of the printed law: size u of the robust torque")
     slopes: bool = piece(
-        "True to count the slope part of τ1 in u, as printed in (45); False for τ0 and K0's part alone",
+        "True to include in τ0 + τ1, from which the size u of the robust torque is computed, the acceleration that "
+        "keeps s constant, as in the paper's eq. (45); False to leave it out, so that u is smaller",
         default=True,
         static=True,
     )
@@ -336,10 +346,11 @@ class SlidingStep(AbstractSurfaceStep):
 
 
 class TwistingStep(AbstractSurfaceStep):
-    """`s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ = v - H k2 sgn(s⁺)` with the set-valued sign: s⁺ = 0 holds without chatter.
+    """Implicit step of super-twisting: `s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ = v - H k2 sgn(s⁺)`.
 
-    For `|s + H v| <= H² k2` it is `s⁺ = 0`; else the root of s⁺ solves a quadratic equation. In one period v moves by
-    `-h k2 sat((s + H v)/(H² k2))`, and stops while the limits withhold torque.
+    The sign is set-valued, so that s⁺ stays 0 without chatter: s⁺ is 0 if `|s + H v| <= H² k2`; else `√|s⁺|` solves a
+    quadratic equation. In one period v moves by `-h k2 sat((s + H v)/(H² k2))`; it stops while the limits withhold
+    torque.
     Source: Brogliato, Polyakov and Efimov, The implicit discretization of the supertwisting sliding-mode control
     algorithm, IEEE Transactions on Automatic Control 65, 2020.
 

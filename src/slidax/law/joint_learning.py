@@ -25,7 +25,9 @@ STEADY = 1e-3
 
 
 class Learning(eqx.Module):
-    """Memory of the learning.
+    """Memory of `JointLearning`.
+
+    The symbols φ, c, y, J and f are those of `JointLearning`.
 
     - `positions`: the last two measured positions, the newest first [2 n].
     - `tau`: torque of the period before the last measurement [n].
@@ -33,7 +35,7 @@ class Learning(eqx.Module):
     - `begun`: True after the first sample.
     - `stages`: states of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: the information matrix of inertia and friction.
-    - `rotor`, `coulomb`: the estimates [n].
+    - `rotor`, `coulomb`: estimates of J, kg m² or kg, and f, N m or N [n].
     - `squares`: recent means of φ², φ z and z² with z = y - f c, [3 n].
     """
 
@@ -59,7 +61,7 @@ class JointLearning(AbstractAdaptation):
     - The band contains the loop's crossover, where a wrong inertia shows before it harms. Below it, weight that the
       model does not know looks like negative inertia, since it falls as 1/ω².
     - Only new information displaces old information, not the passing of time: the information matrix is scaled back to
-      `window` and `coulomb_window` when it grows beyond, so that a long hold forgets nothing.
+      `window` and `coulomb_window` when it grows beyond, so that a long standstill forgets nothing.
     - A sample counts for inertia only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ
       would draw the inertia to zero.
     - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
@@ -84,13 +86,19 @@ class JointLearning(AbstractAdaptation):
     gate: PerJoint = parameter(
         "least band-passed acceleration from which inertia is learnt", "rad/s² or m/s²", ">= 0", default=0.2
     )
-    gate_direction: PerJoint = parameter("least band-passed c from which friction is learnt", "", ">= 0", default=0.05)
+    gate_direction: PerJoint = parameter("least band-passed |c| from which f is learnt", "", ">= 0", default=0.05)
     coherence: Scalar = parameter("least squared coherence from which inertia is learnt", "", "[0, 1)", default=0.8)
     recent: Scalar = parameter("averaging time of the coherence", "s", "> 0", default=0.015)
-    prior: PerJoint = parameter("information in the first guess of J", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3)
-    window: PerJoint = parameter("largest information about J", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0)
-    coulomb_prior: PerJoint = parameter("information in the first guess of f", "s", "> 0", default=0.02)
-    coulomb_window: PerJoint = parameter("largest information about f", "s", ">= coulomb_prior", default=0.5)
+    prior: PerJoint = parameter(
+        "∫φ² dt that the first guess of J counts for", "(rad/s²)² s or (m/s²)² s", "> 0", default=0.3
+    )
+    window: PerJoint = parameter(
+        "largest ∫φ² dt that the estimate of J keeps", "(rad/s²)² s or (m/s²)² s", ">= prior", default=1.0
+    )
+    coulomb_prior: PerJoint = parameter("∫c² dt that the first guess of f counts for", "s", "> 0", default=0.02)
+    coulomb_window: PerJoint = parameter(
+        "largest ∫c² dt that the estimate of f keeps", "s", ">= coulomb_prior", default=0.5
+    )
 
     def init(self, measured: State) -> Learning:
         nothing = jnp.zeros_like(measured.q)
@@ -135,7 +143,7 @@ class JointLearning(AbstractAdaptation):
     def _regressed(
         self, experience: Experience, memory: Learning, stages: Float[Array, "5 3 n"], weight: Scalar, elapsed: Scalar
     ) -> Learning:
-        """One step of least squares with the filtered signals."""
+        """The memory after one step of least squares with the filtered signals; weight 0 s teaches nothing."""
         y, phi, c = stages[-1]
         links = jnp.diagonal(experience.mass) - self.counted
         missed = y - (links + memory.rotor) * phi - memory.coulomb * c

@@ -12,8 +12,8 @@ from .kalman import Kalman, StrongTracking
 from .sampled.controller import SampledData
 
 INPUTS = ("position noise", "velocity noise", "target", "disturbance", "disturbance at the end")
-"""Inputs: noise of the measured position and velocity; the target `A ψ(ε)` of a plan; and the arm's acceleration
-disturbance at the start and at the end of the period, linear between them."""
+"""Inputs: noise of the measured position and velocity; the target of a plan, the led error at its end; and the arm's
+acceleration disturbance at the start and at the end of the period, linear between them."""
 
 OUTPUTS = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
 """Outputs: e and ė of the arm when a new torque sets in, a fractional delay after a sample; the predicted led error ŷ
@@ -23,9 +23,10 @@ estimate ŵ after this sample."""
 
 @dataclass(frozen=True)
 class LoopMaps:
-    """One period of a joint's loop: `x⁺ = step x + enters u`, `y = outputs x + direct u`; u: `INPUTS`, y: `OUTPUTS`.
+    """State-space matrices of a joint's loop over one period: `x⁺ = step x + enters u`, `y = outputs x + direct u`.
 
-    The unit of time is the period. The first two entries of x are e and ė of the arm.
+    The inputs u are `INPUTS`, the outputs y `OUTPUTS`. The unit of time is the period. The first two entries of x are e
+    and ė of the arm.
 
     - `step`: [m m]; `enters`: [m 5]; `outputs`: [7 m]; `direct`: [7 5].
     """
@@ -44,7 +45,7 @@ class LinearLoop:
     is predicted over the believed delay from the pending commands and the estimate. The unit of time is the period.
 
     - `h`: the period [s]; `horizon`: H in periods.
-    - `believed`: the delay in the law's settings [periods].
+    - `believed`: the delay that the law assumes [periods].
     - `gains`: gains of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
     - `measures_velocity`: True if the estimator is `Measured`.
     - `follows`: gain `1 - e^{-c h}` of the low-pass of a differenced velocity; None for a velocity sensor.

@@ -25,9 +25,10 @@ Three = Float[Array, "3 3"]
 
 
 def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."]:
-    """Return the steady-state gains [3] or [3 n] for `q⃛ = w`, with w white, and a position measured once a period.
+    """Return the gains L1, L2 [1/s], L3 [1/s²] of a steady-state Kalman filter, [3] or [3 n], for positions alone.
 
-    L1, L2 h and L3 h² are dimensionless, and depend on `density h⁵/variance` alone.
+    The model is `q⃛ = w` with white noise w, and one measured position a period. L1, L2 h and L3 h² depend on
+    `density h⁵/variance` alone.
 
     - `density`: spectral density of w, one number or [n], (rad/s³)² s or (m/s³)² s, > 0.
     - `variance`: variance of the measured position, one number or [n], rad² or m², > 0.
@@ -118,7 +119,8 @@ error of the inertia (docs/learning.md)."""
 class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `ŵ⁺ = ŵ + L3 r`, with `r = q' - q_predicted`.
 
-    Measured velocities are not used. After a gap that is longer than the filter's memory, 2/L2, it begins anew.
+    q' is the measured position, ŵ the estimated disturbance. Measured velocities are not used. After a gap that is
+    longer than the filter's memory, 2/L2, it begins anew.
     """
 
     gains: Float[Array, "3 ..."] = parameter(
@@ -142,7 +144,7 @@ class Kalman(AbstractEstimator):
 
     @classmethod
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
-        """Return the steady-state filter for a disturbance that drifts as a random walk.
+        """Return the steady-state filter for a disturbance acceleration that drifts as a random walk.
 
         - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The disturbance's
           drift in a time t has the standard deviation `√(density t)`.
@@ -306,12 +308,13 @@ class StrongTracking(AbstractEstimator):
 
 
 def paced(pace: Vector) -> Float[Array, "3 n"]:
-    """Return `L1, L2 h, L3 h²` of the filter whose errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, [3 n].
+    """Return the gains `L1, L2 h, L3 h²` of a filter with the bandwidth d/h, [3 n].
 
-    These are the poles of a slow steady filter (Butterworth's). Its characteristic polynomial is
+    Its errors have the poles `e^{-d}` and `e^{-d (1 ± i √3)/2}`, those of a slow steady filter (Butterworth's). Its
+    characteristic polynomial is
     `z³ + (L1 + L2 h + L3 h²/2 - 3) z² + (3 - 2 L1 - L2 h + L3 h²/2) z + L1 - 1`.
 
-    - `pace`: d [n].
+    - `pace`: d, bandwidth times period [n].
     """
     real, half = jnp.exp(-pace), jnp.exp(-0.5 * pace)
     turn = (0.5 * math.sqrt(3.0)) * pace

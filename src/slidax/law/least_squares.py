@@ -16,23 +16,25 @@ TINY = 1e-30
 """Keeps a quotient finite where the covariance is 0."""
 
 QUARTERS = 4
-"""Windows that overlap: each begins a quarter of its length after the one before."""
+"""Number of overlapping windows: each begins a quarter of its length after the one before."""
 
 
 class Equations(eqx.Module):
-    """One equation `y = aᵀθ` for each joint, from one window.
+    """One linear equation `y = aᵀθ` for each joint, from one window; θ are the parameters of the arm (`ArmParameters`).
 
-    - `inertial`: derivative of the torque by payload and link factors [n b].
-    - `drives`: derivative of each joint's torque by its own further parameters [k n].
+    An innovation is `y - aᵀθ`. It is loud if it is far above its usual size (`model_trust.LOUD`).
+
+    - `inertial`: derivative of each joint's torque by the b parameters of payload and links [n b].
+    - `drives`: derivative of each joint's torque by its own k other parameters [k n].
     - `y`: torque that the nominal arm does not explain [n], N m or N.
     - `inertia`, `nominal`: derivative of M_ii by payload and link factors [b], and M_ii of the nominal arm, for the
       joint whose deviation is computed next.
-    - `weights`: weight of each equation, 1 over its variance relative to that of the noise; 0 for one that is not used
-      [n].
-    - `valid`: True for a window without a gap. `loud`: for a loud innovation of the learnt, and of the good model.
+    - `weights`: weight of each equation, noise variance over its variance [n]; 0 for one that is not used.
+    - `valid`: True for a window without lost samples.
+    - `loud`: True if the innovation of a joint is loud: by the learnt model, and by the last good model.
     - `fits`: True if the loss of a share of the payload explains the window.
-    - `lost`: that share, if it explains this loud window and the one before; 0 for none. `left`: innovation without it
-      [n].
+    - `lost`: that share, if it explains this loud window and the one before; otherwise 0.
+    - `left`: innovation that remains after the loss of that share [n], N m or N.
     """
 
     inertial: Float[Array, "n b"]
@@ -50,23 +52,24 @@ class Equations(eqx.Module):
     # Traced once, and a function in exported C.
     @jax.jit
     def row(self, joint: Int[Array, ""]) -> Float[Array, " p"]:
-        """Return a of one joint."""
+        """Return the coefficients a of one joint's equation [p]; `joint`: its index."""
         own = jnp.where(jnp.arange(self.y.size) == joint, self.drives, 0.0)
         return jnp.concatenate([self.inertial[joint], own.reshape(-1)])
 
     def explained(self, parameters: Float[Array, " p"]) -> Vector:
-        """Return `aᵀθ` [n]."""
+        """Return the torque `aᵀθ` of each joint for the parameters θ [n], N m or N."""
         inertial = self.inertial.shape[1]
         drives = parameters[inertial:].reshape(self.drives.shape)
         return jnp.sum(self.inertial * parameters[:inertial], axis=1) + jnp.sum(self.drives * drives, axis=0)
 
 
 class Estimates(eqx.Module):
-    """Parameters of the arm.
+    """Estimated parameters of the arm, in the order of `ArmParameters.of`.
 
-    - `parameters`, `covariance`: θ, and P as its packed lower triangle.
-    - `used`: what the law uses, smoothed and physically consistent [p].
-    - `good`: the last good model [p].
+    - `parameters`: estimate of the parameters θ [p].
+    - `covariance`: their covariance P, as its lower triangle row by row [c].
+    - `used`: parameters that the law uses, smoothed and physically consistent [p].
+    - `good`: parameters of the last good model [p].
     - `deviation`: standard deviation of each parameter [p].
     - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
     - `turn`: number of the joint whose inertia deviation is computed next.
@@ -86,8 +89,8 @@ class Window(eqx.Module):
 
     - `q`, `dq`, `ddq`: position and its two derivatives [n].
     - `tau`: mean torque [n].
-    - `first`, `second`: means of `tanh(q̇/v_1)` and `tanh(q̇/v_2)` [n].
-    - `more`: means of further shapes of torque, [n] each.
+    - `first`, `second`: means of `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, for the speeds `FRICTION_SPEEDS` [n].
+    - `more`: means of further torque shapes (`TorqueShapes`), [n] each.
     """
 
     q: Vector
@@ -100,17 +103,17 @@ class Window(eqx.Module):
 
     @classmethod
     def of(cls, sums: Float[Array, "4 k n"]) -> Window:
-        """Return the oldest of the overlapping windows."""
+        """Return the oldest of the overlapping windows; `sums`: from `window_sums`, after the window's last sample."""
         q, dq, ddq, tau, first, second, *more = sums[-1]
         return cls(q, dq, ddq, tau, first, second, more)
 
 
 KINDS = 6
-"""Sums of a window: q by three kernels, torque, and two shapes of friction; further shapes follow."""
+"""Number of sums in a window: q with three kernels, torque, and two shapes of friction. Further shapes follow them."""
 
 
 def next_windows(sums: Float[Array, "4 k n"]) -> Float[Array, "4 k n"]:
-    """Return the sums without the oldest window, and with a new one."""
+    """Return the sums without the oldest window, and with an empty new one, the youngest window first."""
     return jnp.concatenate([jnp.zeros_like(sums[:1]), sums[:-1]])
 
 
@@ -129,7 +132,9 @@ def window_sums(
     are position, velocity and acceleration in the middle of the window without a lag; those of the torque use w half a
     period earlier, since a torque is held over the period before its sample.
 
+    - `sums`: the sums before this sample.
     - `slot`: number of this sample in its quarter, 0 .. `samples` - 1.
+    - `q`: measured positions at this sample [n], rad or m.
     - `tau`: mean torque in the period before this sample [n].
     - `shapes`: the shapes of friction and further torques at this sample, [n] each.
     """
@@ -166,19 +171,19 @@ def _scales(samples: int) -> tuple[float, float]:
 
 
 def diagonal_covariance(variances: Float[Array, " p"]) -> Float[Array, " c"]:
-    """Return the packed covariance, its lower triangle row by row, of independent parameters."""
+    """Return the packed covariance of independent parameters: its lower triangle, row by row [c]."""
     rows, columns, _ = places(variances.size)
     return jnp.where(rows == columns, variances[rows], 0.0)
 
 
 def standard_deviations(covariance: Float[Array, " c"], size: int) -> Float[Array, " p"]:
-    """Return the standard deviation of each of `size` parameters."""
+    """Return the standard deviation of each of `size` parameters from their packed covariance."""
     return jnp.sqrt(jnp.maximum(covariance[np.diagonal(places(size)[2])], 0.0))
 
 
 @cache
 def places(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return row and column of each packed entry, and the place of each entry of the matrix [p p] among them."""
+    """Return row and column of each packed entry [c], and the packed index of each entry of the matrix [p p]."""
     rows, columns = np.tril_indices(size)
     place = np.empty((size, size), int)
     place[rows, columns] = place[columns, rows] = np.arange(rows.size)
@@ -194,8 +199,9 @@ def measured_once(
 
     `S = aᵀP a + r²`, `θ⁺ = θ + P a (y - aᵀθ)/S`, `P⁺ = P - P a aᵀP/S`.
 
-    - `row`: a.
-    - `variance`: r².
+    - `parameters`, `covariance`: estimate θ, and its packed covariance P, before the measurement.
+    - `row`: coefficients a.
+    - `variance`: variance r² of the noise.
     """
     rows, columns, _ = places(parameters.size)
     image = _image(covariance, row)
@@ -210,14 +216,18 @@ def moved_along(
 ) -> Float[Array, " p"]:
     """Return the most likely parameters whose `aᵀθ` is larger by `missing`: `θ⁺ = θ + P a missing/(aᵀP a)`.
 
-    Constraints are met in this way: a step in another metric, such as clipping a parameter, leaves what was measured.
+    It serves to satisfy constraints. A step in another metric, such as clipping a parameter, would contradict the
+    measurements.
+
+    - `parameters`, `covariance`: estimate θ, and its packed covariance P.
+    - `row`: coefficients a.
     """
     image = _image(covariance, row)
     return parameters + image * (missing / jnp.maximum(jnp.sum(row * image), TINY))
 
 
 def quadratic_form(covariance: Float[Array, " c"], row: Float[Array, " p"]) -> Scalar:
-    """Return `aᵀP a`."""
+    """Return `aᵀP a`, the variance of `aᵀθ`; `covariance`: P, packed; `row`: coefficients a."""
     return jnp.sum(row * _image(covariance, row))
 
 
@@ -231,10 +241,10 @@ def _image(covariance: Float[Array, " c"], row: Float[Array, " p"]) -> Float[Arr
 def with_drift(
     covariance: Float[Array, " c"], drift: Float[Array, " p"], largest: Float[Array, " p"]
 ) -> Float[Array, " c"]:
-    """Return the packed covariance with larger variances, none above a bound, by scaling rows and columns.
+    """Return the packed covariance with larger variances; rows and columns are scaled to keep them below a bound.
 
-    - `drift`: added to the diagonal.
-    - `largest`: bound of the diagonal.
+    - `drift`: increase of each variance.
+    - `largest`: bound of each variance.
     """
     size = drift.size
     rows, columns, place = places(size)

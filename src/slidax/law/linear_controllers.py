@@ -91,7 +91,7 @@ class ComputedTorque(AbstractModelBased):
     )
 
     def gains(self, period: Scalar | float = 0.0) -> tuple[PerJoint, PerJoint]:
-        """Return the diagonals of Kp and Kd for a period [s], 0 for continuous time."""
+        """Return the diagonals of Kp [1/s²] and Kd [1/s] for a sampling period [s]; 0 for continuous time."""
         if self.horizon is None:
             return self.kp, self.kd
         rate = 1.0 / self.horizon

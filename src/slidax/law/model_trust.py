@@ -9,13 +9,15 @@ from jaxtyping import Array, Bool, Float
 from slidax.core.types import Scalar, Vector
 
 LOUD = 4.0
-"""Innovation, relative to its usual size, from which a window teaches nothing."""
+"""Innovation of a joint, over its usual size, above which a window is loud: it does not update the parameters."""
 
 USUAL_TIME, ENERGY_TIME = 1.0, 0.3
-"""s: time constants of the usual innovation, and of the energies that decide."""
+"""s: time constants for the means of the usual squared innovation, and of the energies that decide.
+
+An energy is a recent mean of the squared innovation of a model, or of the squared torque."""
 
 OF_QUIET, OF_LOUD = 9.0, 2.0
-"""Largest energy of an innovation over the usual one that counts for the usual one, in a quiet and in a loud window."""
+"""Limits of a squared innovation, over the usual one, when it updates the usual one, in a quiet and a loud window."""
 
 EXPLAINS, FAILS = 0.1, 0.25
 """Energy of the innovations over that of the torque: below the first a model explains the torque, above the second it
@@ -25,24 +27,25 @@ WORSE, WRONG = 4.0, 0.02
 """Energy of a model's innovations over the last good model's and over the torque's, from which the good one returns."""
 
 FLOOR = 5.0
-"""Torque that every joint is taken to have at least, relative to the noise."""
+"""Torque, in standard deviations of the noise, whose square is added to a joint's torque energy in these ratios."""
 
 BLIND = 0.025
-"""s: time without valid windows, where they make a model doubtful, from which the joints' own learning takes over."""
+"""s: time without valid windows, after a loud one or with an unproven model, after which each joint's own learning
+replaces the model of the arm."""
 
 UNSURE = 3.0
 """Variance of the torque's noise over the usual squared innovation, for a model that is learnt or on probation."""
 
 LASTING = 0.5
-"""s: loud time after which the arm counts as changed, and is learnt anew."""
+"""s: time of loud windows after which the arm counts as changed, and is learnt anew."""
 
 CONFIRMED, PROBATION, PROVEN = 0.2, 0.6, 1.0
 """s: time in which the last good model must explain the torque before it is used again, time for which a new model must
 not fail before it is used, and time in full use after which a model counts as good."""
 
 RELIEF = 0.3
-"""s: time in which loud windows teach and leave the arm's model in use: after the loss of a payload, and where a first
-model misses little."""
+"""s: time in which loud windows update the parameters, too, and leave the arm's model in use. It follows the loss of a
+payload, and a change that a first model nearly explains."""
 
 UNEXPLAINED, LEAST_LOST = 0.05, 0.2
 """Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
@@ -52,18 +55,21 @@ RISE, FALL = 0.2, 0.1
 
 
 class Trust(eqx.Module):
-    """Evidence for the models.
+    """Evidence for the learnt and for the last good model of the arm.
+
+    An innovation is the torque of a window less the torque that a model explains. A window is loud for a model if the
+    innovation of a joint is above `LOUD` times its usual size.
 
     - `energy`: recent means of the squared innovations of the learnt and of the last good model, and of the squared
       torque [3 n], (N m)² or N².
     - `usual`: usual squared innovation [n].
     - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
-    - `since`: time since that began or ended, or since the covariance was last opened [s].
-    - `loud`: time with loud windows, less that of quiet ones [s]; negative while all windows teach, for `RELIEF`.
+    - `since`: time since `relearns` changed, or since the covariance was last enlarged [s].
+    - `loud`: time with loud windows less that with quiet ones [s]; negative during `RELIEF`.
     - `blind`: time without a valid window after a loud one, or in the use of a model that is not proven [s].
     - `good`: time of full use without a loud window [s].
-    - `confirmed`: time in which the last good model has explained the torque [s].
+    - `confirmed`: time for which the last good model has explained the torque [s].
     - `has_good`: True if there is a last good model.
     """
 
@@ -80,7 +86,7 @@ class Trust(eqx.Module):
 
     @classmethod
     def init(cls, joints: int, variance: Scalar) -> Trust:
-        """Return the trust in a model that has not been taught yet; `variance`: of the torque's noise."""
+        """Return the trust in a model without any window; `variance`: of a window's torque noise, (N m)² or N²."""
         nothing = jnp.zeros(())
         return cls(
             energy=jnp.zeros((3, joints)),
@@ -96,9 +102,9 @@ class Trust(eqx.Module):
         )
 
     def noise(self, variance: Scalar) -> Vector:
-        """Return the variance of the torque's noise that an equation is taken to have [n], (N m)² or N².
+        """Return the noise variance to use in the least squares [n], (N m)² or N².
 
-        While the model is not proven its own error counts, so that no single event decides a parameter.
+        It is larger while the model is learnt or on probation, so that no single event decides a parameter.
 
         - `variance`: of a proven model's equations.
         """
@@ -107,12 +113,13 @@ class Trust(eqx.Module):
     def after_window(
         self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
     ) -> tuple[Trust, Bool[Array, "2"]]:
-        """Return the trust with the energies of a window, and if the window is loud by each of both models.
+        """Return the trust after a window, and True if the window is loud: for the learnt, and for the last good model.
 
-        A window at rest says nothing for the last good model: it counts as loud by that one.
+        A window at rest is no evidence for the last good model: it counts as loud for that one.
 
-        - `squares`: squared innovations of both models, and squared torque [3 n].
-        - `heard`: True for each joint whose equation is valid.
+        - `squares`: squared innovations of both models, and squared torque [3 n], (N m)² or N².
+        - `heard`: True for each joint that moves in a valid window.
+        - `variance`: of a window's torque noise, (N m)² or N².
         - `duration`: from one window to the next [s].
         """
         loud = jnp.any(heard & (squares[:2] > LOUD * LOUD * self.usual), axis=1)
@@ -127,12 +134,14 @@ class Trust(eqx.Module):
         return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
 
     def weights(self, squares: Vector, loud: Bool[Array, ""]) -> Vector:
-        """Return the weight of each equation of a window [n]: 1 for a usual one, 0 for one that teaches nothing.
+        """Return the weight of each joint's equation of a window [n]: 1 for a usual one, 0 for one that is not used.
 
-        A model that is learnt must be taught by loud windows. Once it had the time `PROVEN`, an innovation counts less
+        While the arm is learnt, loud windows count, too. After the time `PROVEN` of learning, an innovation counts less
         the more it is above the usual one, so that a push does not replace what was learnt before it.
 
-        - `self`: before the window. `squares`: squared innovations of the learnt model [n]. `loud`: by that model.
+        - `self`: the trust before the window.
+        - `squares`: squared innovations of the learnt model [n], (N m)² or N².
+        - `loud`: True if the window is loud for that model.
         """
         robust = jnp.minimum(1.0, LOUD * LOUD * self.usual / jnp.maximum(squares, self.usual))
         learning = jnp.where(self.since > PROVEN, robust, 1.0)
@@ -140,7 +149,7 @@ class Trust(eqx.Module):
 
 
 class Verdict(eqx.Module):
-    """Decision about the models.
+    """Decision about the models after a window.
 
     - `restores`: True to continue with the last good model in place of the learnt one.
     - `opens`: True to enlarge the covariance, since the arm has changed.
@@ -164,26 +173,32 @@ def judge(
     variance: Scalar,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
-    """Decide after a window.
+    """Decide after a window which model the law uses. Return the trust after the decision, and the decision.
 
-    - A window whose innovation is loud teaches nothing: a push or a contact is no property of the arm, whose model
-      stays in use. Where gaps follow a loud window, since predictions fail, and in a model that is not `PROVEN`, the
-      joints' own learning takes over after `BLIND`, and the gaps count as loud.
+    A window is loud if the innovation of a joint, the torque that the model does not explain, is above `LOUD` times its
+    usual size.
+
+    - A loud window updates no parameters: a push or a contact is no property of the arm, whose model stays in use. If
+      samples are lost after a loud window, since predictions fail, or with a model that is not `PROVEN`, the joints'
+      own learning takes over after `BLIND`, and the lost samples count as loud.
     - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
       use. The new model is used once it knows each inertia, and then has not failed for `PROBATION`: a push that is
-      taken for a payload ends before. The last good one returns as soon as it explains the torque again, also where
-      the new one is in use and explains it less well.
-    - A model that fails while it is learnt is learnt anew; once it had the time `PROVEN`, only after loud windows for
-      `LASTING`: a push ends before.
+      taken for a payload ends before. The last good model returns as soon as it explains the torque again, also if
+      the new model is in use and explains it less well.
+    - A model that fails while it is learnt is learnt anew. After the time `PROVEN` of learning, this needs loud windows
+      for `LASTING`: a push ends before.
     - Before any model was good there is none to return to. A first model that misses less than the share `EXPLAINS` of
-      the torque's energy stays in use instead of being learnt anew, and for `RELIEF` all windows teach.
-    - A loud window that a lost payload explains changes the model at once. It stays in use, what the loss leaves
-      unexplained counts as usual, and for `RELIEF` all windows teach.
+      the torque's energy stays in use instead of being learnt anew, and for `RELIEF` all windows update it.
+    - A loud window that a lost payload explains changes the model at once. The model stays in use, the innovation that
+      the loss leaves counts as usual, and for `RELIEF` all windows update it.
 
+    - `trust`: trust before the decision, from `Trust.after_window`.
     - `certain`: True if the model knows each joint's inertia.
-    - `valid`: True for a valid window. `loud`: if it is loud by the learnt, and by the last good model.
-    - `lost`: share of the payload whose loss explains a loud window; 0 for none. `left`: innovation without it [n].
-    - `variance`: of the torque's noise.
+    - `valid`: True for a window without lost samples.
+    - `loud`: True if it is loud for the learnt, and for the last good model.
+    - `lost`: share of the payload whose loss explains a loud window; 0 for none.
+    - `left`: innovation after that loss [n], N m or N.
+    - `variance`: of a window's torque noise, (N m)² or N².
     - `duration`: from one window to the next [s].
     """
     learnt, good, torque = trust.energy
@@ -242,12 +257,12 @@ def judge(
 def lost_payload(
     missed: Vector, carried: Vector, heard: Bool[Array, " n"], noise: Scalar
 ) -> tuple[Bool[Array, ""], Scalar, Vector]:
-    """Return if the loss of a share of the payload explains a window, the share, and the innovation without it [n].
+    """Return True if the loss of a share of the payload explains a window, the share, and the innovation after it [n].
 
-    - `missed`: innovation [n].
-    - `carried`: torque of the whole payload [n].
-    - `heard`: joints whose equations count [n].
-    - `noise`: variance of a window's torque.
+    - `missed`: torque that the model with the whole payload does not explain [n], N m or N.
+    - `carried`: torque of the whole payload [n], N m or N.
+    - `heard`: True for each joint that moves in a valid window [n].
+    - `noise`: variance of a window's torque noise, (N m)² or N².
     """
     own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
     share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), noise), 0.0, 1.0)

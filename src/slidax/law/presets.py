@@ -28,7 +28,7 @@ from .torque_bounds import StateBound, UncertaintyBound
 
 
 class PresetPart:
-    """A part of a preset, with the parameter values of the preset.
+    """A part of a preset, such as its surface, with the preset's values of the part's parameters.
 
     - `part`: class of the part.
     - `values`: parameter values by name. A call of the preset must contain the missing ones.
@@ -119,11 +119,11 @@ class Preset:
 
     @property
     def complete(self) -> bool:
-        """True if the preset has every part of its law: only parameters of the task and the arm are then missing."""
+        """True if the preset has every required part and parameter of its law, apart from parameters of the parts."""
         return all(parameter.name in self.values for parameter in self._own() if parameter.required)
 
     def owners(self, name: str) -> list[str]:
-        """Return the parts of the preset that have a parameter of this name."""
+        """Return the field names of the preset's parts that have a parameter of this name."""
         return [field for field, part in self._parts().items() if name in _names(part)]
 
     def _own(self) -> list[Parameter]:
@@ -148,7 +148,7 @@ cftsmppc = Preset(
     SlidingMode,
     """Approximate continuous fixed-time terminal sliding mode with prescribed performance (CFTSMPPC), the paper's own.
 
-    Eqs. (40)-(45) with the boundary layer (51), the fixed-time envelope (20) and the smooth power surface (29).
+    Eqs. (40)-(45) of the paper with the boundary layer (51), the fixed-time envelope (20) and the smooth surface (29).
     Source: Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w.
     """,
     source="Table 1",
@@ -250,7 +250,7 @@ anftsmc = Preset(
 
 OURS = "our choice"
 
-sliding_mode = Preset(SlidingMode, "The law (41)-(45) on any surface, with any transformation, reaching law and bound.")
+sliding_mode = Preset(SlidingMode, "The paper's law (41)-(45), with any surface, envelope, reaching law and bound.")
 
 slotine_li = Preset(
     SlotineLi,

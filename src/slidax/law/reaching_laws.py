@@ -61,12 +61,12 @@ TINY = 1e-150
 
 @runtime_checkable
 class Reaching(Protocol):
-    """Reaching law with a power that acts on each joint alone, and a boundary layer."""
+    """Reaching law for `proximal_step`: its continuous term acts on each joint alone, and it has a boundary layer."""
 
     layer: Scalar
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """Return the continuous term and its derivative, [n].
+        """Return the continuous term [n], N m or N, and its derivative by s [n].
 
         - `s`: sliding variable [n].
         """
@@ -109,7 +109,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
 def _residual_and_jacobian(
     reaching: Any, metric: Matrix, target: Vector, u: Scalar, s: Vector, careful: Any = False
 ) -> tuple[Vector, Matrix]:
-    """Return the residual of the equation at s, and its derivative.
+    """Return the residual of `proximal_step` at s [n], and its derivative [n n].
 
     For exponents below one, Newton steps oscillate around zero. With `careful`, the slope of a power is at least its
     chord from zero, and the steps converge from everywhere.
@@ -206,7 +206,7 @@ def _solve_proximal_step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vecto
 
 
 class FixedTimeReaching(AbstractReaching):
-    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, eqs. (43), (51); with `s0 = 0` the unit vector (44), 0 at s = 0."""
+    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, the paper's eqs. (43), (51); for s0 = 0 the unit vector (44)."""
 
     title = "The reaching law of the paper: a power and a unit vector, discontinuous or smoothed."
 
@@ -256,7 +256,7 @@ class FixedTimeReaching(AbstractReaching):
             )
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """The implicit step, [n]; raises DefinitionError as `require_implicit`."""
+        """Return s⁺ of the implicit step, [n]; raises DefinitionError as `require_implicit`."""
         self.require_implicit()
         return proximal_step(self, metric, s, u)
 
@@ -266,7 +266,7 @@ LEAST = 1e-30
 
 
 class TwoPowerReaching(AbstractReaching):
-    """`-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, `v1 > 1 > v2`: fast far from s = 0, in finite time near it.
+    """Torque `-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, `v1 > 1 > v2`: fast far from 0, in finite time near it.
 
     The reaching law of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2;
     confidence medium.
@@ -324,7 +324,7 @@ PRECISION = 2e-13
 
 
 class SaturatedReaching(AbstractReaching):
-    """`-K_D s - u w ∘ sat(s/φ)`; with φ = 0 the sign, set-valued at 0 in the implicit step.
+    """Torque `-K_D s - u w ∘ sat(s/φ)`; with φ = 0 the sign, set-valued at 0 in the implicit step.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, where `u w = K`.
     """

@@ -21,7 +21,7 @@ from .torque_bounds import AbstractBound, FixedBound
 
 
 class SlidingMode(AbstractSurfaceBased):
-    """`τ = τ0 + τ1 + τ2`, eq. (41), with `e = q - q_d` and the surface `s = B⁻¹ε2 + φ(ε1)`, eq. (40).
+    """The paper's law `τ = τ0 + τ1 + τ2`, eq. (41), with `e = q - q_d` and the surface `s = B⁻¹ε2 + φ(ε1)`, eq. (40).
 
     `τ0 = M0 (q̈_d - Ȧ e - A ė) + C0 q̇ + G0`, eq. (42);
     `τ1 = -K0 Sig^r(s) - M0 φ'(ε1) ε2`, eq. (43);
@@ -52,8 +52,8 @@ class SlotineLi(AbstractSurfaceBased):
     """`τ = M0 q̈_r + C0 q̇_r + G0 - K_D s - K sat(s/φ)` with the reference velocity `q̇_r = q̇ - s`.
 
     On the linear surface `s = ė + Λ e` it is the textbook law, `q̇_r = q̇_d - Λ e`, `q̈_r = q̈_d - Λ ė`. On any other
-    surface, with any transformation, `s = ė + A e + φ(ε1)` as in (40) and `q̈_r = q̈_d - Ȧ e - A ė - φ'(ε1) ε2`.
-    C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
+    surface, with any transformation, `s = ė + A e + φ(ε1)` as in the paper's eq. (40) and
+    `q̈_r = q̈_d - Ȧ e - A ė - φ'(ε1) ε2`. C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 (boundary layer) and 9 (robots).
 
@@ -82,7 +82,7 @@ class SlotineLi(AbstractSurfaceBased):
         return Command(tau=tau, memory=memory, signals=now.signals)
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep:
-        """Return the law as an implicit step, with `u = ‖K‖` and K/u as each joint's share of u."""
+        """Return the law as an implicit step; its robust torque is `u = ‖K‖`, and each joint's share of it K/u."""
         gain = jnp.broadcast_to(self.gain, (self.joints,))
         size = vector_norm(gain)
         reaching = SaturatedReaching(self.damping, gain / jnp.where(size > 0, size, 1.0), self.layer)
@@ -94,8 +94,8 @@ class SlotineLi(AbstractSurfaceBased):
 class TwistingMemory(eqx.Module):
     """The memory of `SuperTwisting`.
 
-    - `start`: memory of the transformation.
-    - `v`: the integral of the sign [n], rad/s² or m/s².
+    - `start`: memory of the error transformation.
+    - `v`: the integral `-k2 ∫ sgn(s) dt` [n], rad/s² or m/s².
     """
 
     start: Memory
@@ -105,9 +105,9 @@ class TwistingMemory(eqx.Module):
 class SuperTwisting(AbstractSurfaceBased):
     """`τ = M0 (q̈_d - Ȧe - Aė - φ'(ε1) ε2 - k1 sig^½(s) + v) + C0 q̇ + G0`, `v̇ = -k2 sgn(s)`, `v(0) = 0`.
 
-    With the surface `s = ė + A e + φ(ε1)` of (40); on the linear one and without an envelope `s = ė + Λ e`. With the
-    exact model `ṡ = -k1 sig^½(s) + v + d`, where d is the disturbance as an acceleration, and s reaches zero in finite
-    time if `|ḋ| <= L`, for `k1 = 1.5 √L`, `k2 = 1.1 L`.
+    With the surface `s = ė + A e + φ(ε1)` of the paper's eq. (40); on the linear one and without an envelope
+    `s = ė + Λ e`. With the exact model `ṡ = -k1 sig^½(s) + v + d`, where d is the disturbance as an acceleration, and s
+    reaches zero in finite time if `|ḋ| <= L`, for `k1 = 1.5 √L`, `k2 = 1.1 L`.
 
     Source: Levant, Sliding order and sliding accuracy in sliding mode control, 1993, with the gains of his 1998 paper
     on differentiation; stability by the quadratic function of Moreno and Osorio, 2012.
@@ -147,7 +147,7 @@ class SuperTwisting(AbstractSurfaceBased):
 
 
 class NonsingularFastTerminal(AbstractModelBased):
-    """Nonsingular fast terminal sliding mode control (NFTSMC), [7].
+    """Nonsingular fast terminal sliding mode control (NFTSMC), the paper's reference [7].
 
     `s = e + sig^Γ1(e) + sig^Γ2(ė)`; `η = ‖M0⁻¹‖ (b0 + b1‖q‖ + b2‖q̇‖²)`;
     `τ = C0 q̇ + G0 + M0 (q̈_d - Γ2⁻¹ (I + Γ1 |e|^(Γ1-1)) sig^(2-Γ2)(ė) - M2 s - (η + M1) s/(‖s‖ + s0))`.
@@ -160,7 +160,7 @@ class NonsingularFastTerminal(AbstractModelBased):
     Signals: `s` [n], `u`, the size `η + M1` of the robust acceleration.
     """
 
-    bound: AbstractBound = piece("b0, b1, b2: `b0 + b1‖q‖ + b2‖q̇‖²`, in the law as it is printed")
+    bound: AbstractBound = piece("bound of the uncertainty; as printed `b0 + b1‖q‖ + b2‖q̇‖²`")
     gamma1: PerJoint = parameter("diagonal of Γ1", "", "> gamma2", "([7])", default=2.0, source="Table 2")
     gamma2: PerJoint = parameter(
         "diagonal of Γ2", "", "(1, 2)", "so that τ is finite ([7])", default=5.0 / 3.0, source="Table 2"
@@ -198,7 +198,7 @@ Adapted = Float[Array, "3"]
 
 
 class AdaptiveNonsingularFastTerminal(AbstractModelBased):
-    """Adaptive nonsingular fast terminal sliding mode control (ANFTSMC), [10].
+    """Adaptive nonsingular fast terminal sliding mode control (ANFTSMC), the paper's reference [10].
 
     `s = e + k1 sig^α(e) + k2 sig^β(ė)`;
     `τ = C0 q̇ + G0 + M0 (q̈_d - (1 + k1 α |e|^(α-1)) sig^(2-β)(ė)/(k2 β) - k s - (b̂0 + b̂1‖q‖ + b̂2‖q̇‖² + η) sat(s/φ))`;

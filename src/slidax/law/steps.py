@@ -19,14 +19,14 @@ from .error_transformations import EnvelopeFrame, Sides
 
 
 class StepInput(eqx.Module):
-    """Input of a step: the predicted arm when this sample's torque sets in.
+    """Input of a step: predicted state, reference and model at the time when this sample's torque sets in.
 
-    - `t`: time at which the torque sets in [s].
-    - `state`: positions and velocities.
+    - `t`: that time [s].
+    - `state`: predicted positions and velocities.
     - `reference`: desired motion, with the mean acceleration over the following period.
-    - `mass`: M0 [n n].
-    - `bias`: C0 q̇ + G0 [n], N m or N.
-    - `robot`: the arm of `mass` and `bias`, with the estimated parameters.
+    - `mass`: inertia matrix M0 of `robot` [n n].
+    - `bias`: C0 q̇ + G0 of `robot` [n], N m or N.
+    - `robot`: the arm as the law knows it, with the estimated parameters.
     - `limits`: limits of torque and torque rate.
     - `period`: h [s].
     - `horizon`: H [s]; None for a law without a plan.
@@ -71,7 +71,7 @@ class Decision(eqx.Module):
 
 
 class AbstractStep(AbstractPart):
-    """A law in discrete time: from the predicted state to the torque that sets in there."""
+    """A law in discrete time: it computes a torque from the state predicted for the time when the torque sets in."""
 
     plans: ClassVar[bool]
     """True if the step plans over a horizon."""
@@ -92,18 +92,18 @@ class AbstractStep(AbstractPart):
         """
 
     def restarted(self, t: Scalar, memory: Memory) -> Memory:
-        """Return the memory after a jump of the clock or the sensor at time t [s], without dependence on the past."""
+        """Return the memory after a jump of the clock or the sensor at time t [s], without earlier states."""
         return memory
 
     def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:
-        """True while a joint is on its way back into its envelope."""
+        """True while a recovery's new envelope is in force for a joint at time t [s]."""
         return jnp.zeros((), bool)
 
     @abstractmethod
     def __call__(self, moment: StepInput, memory: Memory) -> Decision:
         """Return the torque, the resulting acceleration and the memory.
 
-        - `moment`: the predicted arm.
+        - `moment`: predicted state, reference and model at the time when the torque sets in.
         - `memory`: from `init` or the last sample.
         """
 
@@ -116,11 +116,13 @@ TINY = 1e-30
 """Addend under a square root, so that its derivative is finite without torque limits."""
 
 LOOSE = 4.0
-"""A new envelope replaces one that is wider by this factor."""
+"""A new envelope replaces an earlier one that is wider by this factor."""
 
 
 class EnvelopeReset(eqx.Module):
-    """Envelopes that replace the prescribed ones: excess over the narrower side of the prescribed envelope; all [n].
+    """New envelopes around errors that have left the prescribed ones; all [n].
+
+    A new envelope is wider than the narrower side of the prescribed one by the excess X(t), which falls to 0.
 
     - `until`: end time [s].
     - `span`: duration [s].
@@ -134,7 +136,7 @@ class EnvelopeReset(eqx.Module):
     outside: Bool[Array, " n"]
 
     def excess_rate_curvature(self, t: Scalar) -> tuple[Vector, Vector, Vector]:
-        """Return `X = excess (1 - (t - t_r)/span)³` and its two derivatives, [n]; 0 from `until` on."""
+        """Return `X = excess ((until - t)/span)³` and its two time derivatives, [n]; 0 from `until` on."""
         left = jnp.clip((self.until - t) / self.span, 0.0, 1.0)
         per_second = 1.0 / self.span
         x = self.excess * left
@@ -145,9 +147,10 @@ class Recovery(AbstractPart):
     """The policy `recover`: while a joint is outside, `|e| < ϑ ρ(t) + X(t)` replaces its prescribed envelope.
 
     With `R0 = room (|e| + c |ė| + ė²/(2a))` the new envelope starts at the radius `R0/(1 - 3 c/S)`, which leaves the
-    distance to brake with the acceleration a within the torque limits. X is a cubic that falls to 0 in the time
-    `S = max(deadline, 12 c, sqrt(6 R0/(share a)))`; its curvature is about `share a` at most. Then the prescribed
-    envelope is in force again. X starts anew once the envelope is four times wider than a new one would be.
+    distance to brake with the acceleration a within the torque limits; c is the lead time `H - h/2`. X is a cubic that
+    falls to 0 in the time `S = max(deadline, 12 c, sqrt(6 R0/(share a)))`; its curvature is about `share a` at most.
+    Then the prescribed envelope is in force again. X starts anew once the envelope is four times wider than a new one
+    would be.
 
     A single outlier does not set X: the first sample outside uses its own X, and X stays only if the next sample is
     outside, too.
@@ -157,10 +160,14 @@ class Recovery(AbstractPart):
 
     deadline: Scalar = parameter("least time for the way back", "s", "> 0", default=0.3)
     room: Scalar = parameter(
-        "new radius over the distance to brake", "", "> 1", "so that there is room to brake", default=1.6
+        "radius of a new envelope over the distance that the joint needs to brake",
+        "",
+        "> 1",
+        "so that there is room to brake",
+        default=1.6,
     )
     share: Scalar = parameter(
-        "share of the available acceleration that the new envelope may need", "", "(0, 1)", default=0.25
+        "share of the acceleration within the torque limits that a new envelope may need", "", "(0, 1)", default=0.25
     )
 
     def init(self, t: Scalar, joints: int) -> EnvelopeReset:
@@ -171,13 +178,13 @@ class Recovery(AbstractPart):
     def reset_envelope(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead_time: Scalar, now: EnvelopeReset
     ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
-        """Return the envelopes at this sample, those for the next sample, and which joints have a new one [n].
+        """Return the new envelopes at this sample, those for the next sample, and True for joints that got one now [n].
 
         - `e`, `de`: error and its rate [n].
         - `drawn`: the prescribed envelope.
         - `slowness`: 1/a, with the acceleration a within the torque limits [n], s²/rad or s²/m; 0 without limits.
         - `lead_time`: c [s].
-        - `now`: the envelopes before this sample.
+        - `now`: the new envelopes before this sample.
         """
         inner = jnp.minimum(-drawn.lower, drawn.upper)
         speed = jnp.abs(de)
@@ -202,10 +209,11 @@ class Recovery(AbstractPart):
     def frame(
         self, t: Scalar, lead_time: Scalar, horizon: Scalar, drawn: EnvelopeFrame, now: EnvelopeReset
     ) -> EnvelopeFrame:
-        """Return the frame of a plan, with new envelopes in place of prescribed ones.
+        """Return the limits of the led error for a plan, with new envelopes in place of prescribed ones.
 
         - `lead_time`, `horizon`: c and H [s].
-        - `now`: the envelopes at this sample.
+        - `drawn`: the limits in the prescribed envelope.
+        - `now`: the new envelopes at this sample.
         """
         if drawn.sides is None:
             return drawn

@@ -26,7 +26,10 @@ from .error_transformations import AbstractTransformation, TransformedError
 
 
 class AbstractSurface(AbstractPart):
-    """The part of a surface that acts on the transformed error: `s = B⁻¹ ε2 + φ(ε1)`, eq. (40)."""
+    """The term φ(ε1) of a sliding surface `s = B⁻¹ ε2 + φ(ε1)`, the paper's eq. (40).
+
+    ε1 is the transformed error, ε2 its rate.
+    """
 
     @abstractmethod
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
@@ -39,14 +42,14 @@ class AbstractSurface(AbstractPart):
 
     @abstractmethod
     def reach(self, phi: Vector) -> Vector:
-        """Return a transformed error at which φ is at least `phi`, [n]: the end of a bracket for the solution.
+        """Return a transformed error at which φ is at least `phi`, [n]; it ends the bracket of a root search.
 
         - `phi`: >= 0, [n], rad/s or m/s.
         """
 
 
 class SlidingVariable(eqx.Module):
-    """`s = ė + A e + φ(ε1)`, eq. (40), and the acceleration `q̈_d - Ȧ e - A ė - φ'(ε1) ε2` that keeps it. All [n].
+    """`s = ė + A e + φ(ε1)`, the paper's eq. (40), and the acceleration that keeps s constant. All [n].
 
     - `s`: sliding variable, rad/s or m/s.
     - `error`: the transformed error.
@@ -80,10 +83,11 @@ def sliding_variable(
 ) -> SlidingVariable:
     """Return the sliding variable of a surface over a transformed error.
 
-    - `transformation`: e to ε1, with A and B.
+    - `transformation`: error transformation from e to ε1.
     - `surface`: φ(ε1).
     - `t`: time [s].
-    - `memory`: state of the transformation.
+    - `state`, `reference`: measured state and desired motion at this time.
+    - `memory`: memory of the transformation.
     """
     e, de = state.q - reference.q, state.dq - reference.dq
     error = barrier(transformation(t, e, de, memory))
@@ -97,7 +101,7 @@ def sliding_variable(
 
 
 class Linear(AbstractSurface):
-    """`Λ e`: on `s = ė + Λ e = 0` the error decays as `exp(-Λ t)`.
+    """`φ = Λ e`: on the surface `ė + Λ e = 0` the error decays as `exp(-Λ t)`.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapter 7.
     """
@@ -112,7 +116,7 @@ class Linear(AbstractSurface):
     )
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`Λ e`, and `Λ`, both [n]."""
+        """Return `Λ e` and its derivative `Λ`, both [n]."""
         return self.rate * eps, self.rate * jnp.ones_like(eps)
 
     def reach(self, phi: Vector) -> Vector:
@@ -121,7 +125,7 @@ class Linear(AbstractSurface):
 
 
 class LinearCoreFixedTime(AbstractSurface):
-    """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with `ŝ^p` of (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
+    """`φ = K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with the paper's `ŝ^p` (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
 
     The surface of the schemes that the paper cites as [23] and [33], as the paper describes them at (78), (79). It is
     continuous, but its slope jumps at δ, so that the torque jumps, too.
@@ -140,7 +144,7 @@ class LinearCoreFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`K1 Ŝ^p(ε1) + K2 Sig^q(ε1)`, and `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the outer slope."""
+        """Return φ and its derivative `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the slope outside the core."""
         near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope
@@ -151,7 +155,7 @@ class LinearCoreFixedTime(AbstractSurface):
 
 
 class SingularityFree(AbstractSurface):
-    """`C1 S_α(e) + C2 Sig^β(e)`: `S_α(x) = sig^α(x)` for `|x| >= δ`, else `l1 x + l2 sig^r(x)`.
+    """`φ = C1 S_α(e) + C2 Sig^β(e)`: `S_α(x) = sig^α(x)` for `|x| >= δ`, else `l1 x + l2 sig^r(x)`.
 
     `l1 = (r-α)/(r-1) δ^(α-1)` and `l2 = (α-1)/(r-1) δ^(α-r)` make it continuously differentiable at δ.
     The surface of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2; confidence
@@ -168,7 +172,7 @@ class SingularityFree(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the core", "rad or m", "> 0", "([24])")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`C1 S_α(e) + C2 Sig^β(e)`, and `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n]."""
+        """Return φ and its derivative `C1 S_α'(e) + C2 β |e|^(β-1)`, both [n]."""
         near, near_slope = two_term_power_and_slope(eps, self.alpha, self.r, self.delta)
         far, far_slope = sig_and_slope(eps, self.beta)
         return self.c1 * near + self.c2 * far, self.c1 * near_slope + self.c2 * far_slope
@@ -179,7 +183,7 @@ class SingularityFree(AbstractSurface):
 
 
 class SmoothFixedTime(AbstractSurface):
-    """`K1 S^p(ε1) + K2 S^q(ε1)`, eqs. (29)-(40)."""
+    """`φ = K1 S^p(ε1) + K2 S^q(ε1)`, the paper's eqs. (29)-(40)."""
 
     title = "The paper's smooth fixed-time terminal surface."
 
@@ -194,7 +198,7 @@ class SmoothFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """`K1 S^p(ε1) + K2 S^q(ε1)`, and `K1 F^p(ε1) + K2 H^q(ε1)` with (33), (35), (37), (39), both [n]."""
+        """Return φ and its derivative `K1 F^p(ε1) + K2 H^q(ε1)` by the paper's eqs. (33), (35), (37), (39) [n]."""
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope

@@ -13,11 +13,11 @@ from slidax.core.powers import vector_norm
 from slidax.core.types import Scalar, State, Vector
 
 MOST_SPREAD = 1e12
-"""Largest ratio of the bounds of an inverse inertia; from 1e16 on, gamma of eq. (46) rounds to 1 and u is infinite."""
+"""Largest ratio of the bounds of an inverse inertia; from 1e16 on, γ of the paper's eq. (46) is 1 and u infinite."""
 
 
 class AbstractBound(AbstractPart):
-    """Size u of the robust torque, eqs. (44), (45): at least the bound of the uncertain torque."""
+    """Size u of the robust torque, the paper's eqs. (44), (45): at least the bound of the uncertain torque."""
 
     @abstractmethod
     def __call__(self, state: State, tau: Vector) -> Scalar:
@@ -29,7 +29,7 @@ class AbstractBound(AbstractPart):
 
 
 class FixedBound(AbstractBound):
-    """`u = const`: for laws that choose the size of their robust torque by hand."""
+    """`u = const`: for laws whose user chooses the size of the robust torque."""
 
     title = "A robust torque of constant size."
 
@@ -40,7 +40,7 @@ class FixedBound(AbstractBound):
 
 
 class StateBound(AbstractBound):
-    """`b0 + b1‖q‖ + b2‖q̇‖²`: the bound (19) of the lumped uncertainty, without the term in ‖τ‖."""
+    """`b0 + b1‖q‖ + b2‖q̇‖²`: the paper's bound (19) of the lumped uncertainty, without the term in ‖τ‖."""
 
     title = "Bound of the state-dependent uncertainty."
 
@@ -53,7 +53,7 @@ class StateBound(AbstractBound):
 
 
 class UncertaintyBound(AbstractBound):
-    """`u = (k + b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, `γ = (m2 - m1)/(m2 + m1)`, eqs. (45), (46).
+    """`u = (k + b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, `γ = (m2 - m1)/(m2 + m1)`, the paper's eqs. (45), (46).
 
     It covers a lumped uncertainty bounded by `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19). An arm's inverse inertia is
     known to be `m1 <= ‖M⁻¹(q)‖ <= m2`, eq. (47).
@@ -70,17 +70,17 @@ class UncertaintyBound(AbstractBound):
 
     def __check_init__(self) -> None:
         least, most = static_value(self.inverse_inertia_min), static_value(self.inverse_inertia_max)
-        rule = f"must be at most {MOST_SPREAD:g} times `inverse_inertia_min`, since u grows with their ratio, eq. (45)"
+        rule = f"must be at most {MOST_SPREAD:g} times `inverse_inertia_min`: u grows with the ratio (paper, eq. 45)"
         require(self, "inverse_inertia_max", (least <= 0.0) | (most <= MOST_SPREAD * least), rule)
 
     @property
     def gamma(self) -> Scalar:
-        """`γ = (m2 - m1)/(m2 + m1)`, eq. (46)."""
+        """`γ = (m2 - m1)/(m2 + m1)`, the paper's eq. (46)."""
         least, most = self.inverse_inertia_min, self.inverse_inertia_max
         return (most - least) / (most + least)
 
     def __call__(self, state: State, tau: Vector) -> Scalar:
-        """`u`, eq. (45), N m."""
+        """Return `u`, the paper's eq. (45), N m."""
         q_norm = vector_norm(state.q)
         dq_square = jnp.sum(state.dq * state.dq)
         gamma = self.gamma

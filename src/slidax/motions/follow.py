@@ -44,6 +44,7 @@ CHECKED_TIMES = 40
 def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: float) -> str:
     """Return the message that explains why the arm has no posture beyond a point of the move.
 
+    - `task`: the arm and the prescribed coordinates of its tool.
     - `caught`: the last point with a posture.
     - `now`: start of the move [s].
     """
@@ -234,8 +235,9 @@ def follow(
     - `posture`: preferred posture of a redundant arm [n]; the start by default.
     - `velocity`, `acceleration`: joint limits, [n] or one number, rad/s and rad/s², or m/s and m/s². A move without
       `duration` and `speed` takes the shortest time within them.
-    - `damping`: pose error accepted near a singularity, m or rad per unit of force; 0 for none.
-    - `tolerance`: largest error of the tool between knots, in addition to that by `damping`, m and rad.
+    - `damping`: 0 for no pose error; otherwise the tool leaves its path near a singularity, by `damping²` m or rad per
+      unit of the force that holds it there.
+    - `tolerance`: largest error of the tool between knots, in addition to that due to `damping`, m and rad.
     - `begin`: start of the first move [s].
 
     Raises DefinitionError, with move, time, position and reason, if the tool cannot follow or a joint exceeds a limit.
@@ -243,7 +245,7 @@ def follow(
     require_hold(hold)
     _require_numbers(damping, tolerance, begin)
     if not 1 <= len(moves) <= MOST_MOVES:
-        raise DefinitionError(f"`moves` must be 1 to {MOST_MOVES}; got {len(moves)}", where="moves")
+        raise DefinitionError(f"`moves` must be 1 to {MOST_MOVES} moves; got {len(moves)}", where="moves")
     n = robot.joints
     fastest = limit("follow", "velocity", velocity, n, robot.joint_names)
     strongest = limit("follow", "acceleration", acceleration, n, robot.joint_names)
@@ -285,7 +287,7 @@ def _require_numbers(damping: float, tolerance: float, begin: float) -> None:
 
 
 def _solve_start(task: PoseTask, here: Pose, q: Array) -> Array:
-    """Solve for posture and forces at the start, nearest to the preferred posture."""
+    """Return posture and forces on the tool at the start of the path, nearest to the preferred posture [n + m]."""
     if (task.posture == q).all():
         return np.concatenate([q, np.zeros(HOLDS[task.hold])])
     z = move_to_posture(task, here, q, task.posture)
@@ -305,8 +307,8 @@ def _with_duration(path: JointPath, move: TimedCurve, fastest: Array, strongest:
     factor = max(float((v / fastest).max()), float(np.sqrt(a / strongest).max()))
     if not factor > 0:
         raise DefinitionError(
-            "needs a `duration`, or `speed` and `acceleration`; or give the joint limits `velocity` and `acceleration` "
-            "for the shortest duration"
+            "the move needs a `duration`, or `speed` and `acceleration`; or, for the shortest duration, set the joint "
+            "limits `velocity` and `acceleration` of the path"
         )
     return path.stretched(factor)
 

@@ -35,7 +35,12 @@ class PathEnd(Exception):
 
 
 class BranchPoints(NamedTuple):
-    """Postures and forces at points of a branch [k n+m], and their first two derivatives by the curve parameter."""
+    """Points of a branch: postures that change continuously as the tool moves along its curve.
+
+    - `z`: for each point the joint positions, and the forces that hold the tool on the curve (Lagrange multipliers, one
+      for each of the m prescribed coordinates) [k n+m].
+    - `first`, `second`: first and second derivative of `z` by the curve parameter [k n+m].
+    """
 
     z: Array
     first: Array
@@ -43,9 +48,9 @@ class BranchPoints(NamedTuple):
 
 
 def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array:
-    """Follow one branch of postures along a curve; return postures and forces at points of the curve [k n+m].
+    """Follow postures continuously along a curve; return postures and forces at points of the curve [k n+m].
 
-    - `z`: posture and forces at the curve's start, which solve the equations of `PoseTask` [n + m].
+    - `z`: posture and forces at the curve's start [n + m], as in `BranchPoints`; a solution of `PoseTask`.
     - `s`: curve parameters of the points, >= 0, not decreasing [k].
 
     Raises PathEnd if the search finds no next posture.
@@ -75,7 +80,11 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
 
 
 def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> BranchPoints:
-    """Return postures and forces with exact derivatives by the curve parameter, from implicit differentiation."""
+    """Return points of a branch with their exact derivatives, from implicit differentiation.
+
+    - `z`: postures and forces at the points [k n+m].
+    - `s`: curve parameters of the points [k].
+    """
     linear = linearise_task(task, curve, z, s)
     first = -solve_singular(linear.by_z, linear.by_s)
     second = -solve_singular(linear.by_z, curvature(task, curve, z, s, first))
@@ -96,9 +105,9 @@ BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
 class JointPath:
     """Joint motion for one move.
 
-    - `law`: curve parameter over time.
+    - `law`: curve parameter as a function of time.
     - `times`: knots, from 0 on [k], s.
-    - `branch`: postures and forces at the knots, with their derivatives by the curve parameter.
+    - `branch`: postures and forces on the tool at the knots, with derivatives by the curve parameter.
     - `position_error`, `rotation_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
     - `joints`: number of joints n.
     """
@@ -124,8 +133,8 @@ class JointPath:
 def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> JointPath:
     """Return the joint motion for one move.
 
-    - `z`: posture and forces at the start [n + m].
-    - `tolerance`: largest error of the tool between knots beyond the error at the knots, m and rad.
+    - `z`: posture and forces on the tool at the start [n + m], as in `BranchPoints`.
+    - `tolerance`: largest error of the tool between knots, in addition to the error at the knots, m and rad.
 
     Raises PathEnd if the search finds no next posture, DefinitionError if the motion needs too many pieces.
     """

@@ -25,7 +25,7 @@ RAMP = 1.5
 
 
 class TimeLaw(NamedTuple):
-    """Piecewise polynomials s(t) from 0 to 1, from rest to rest, with a continuous second derivative.
+    """Curve parameter s as a function of time, from 0 to 1: piecewise polynomials with continuous second derivative.
 
     - `times`: knots, from 0 on [k], s.
     - `coefficients`: coefficients in powers of the time since the start of the piece, lowest first [k-1 powers].
@@ -56,12 +56,12 @@ class TimeLaw(NamedTuple):
 
 
 def minimum_jerk_law(duration: float) -> TimeLaw:
-    """Return `s = 10 z³ - 15 z⁴ + 6 z⁵`, `z = t/T`: minimum jerk from rest to rest."""
+    """Return `s = 10 z³ - 15 z⁴ + 6 z⁵`, `z = t/T` with the duration T: minimum jerk from rest to rest."""
     return TimeLaw(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 0.0, 10.0, -15.0, 6.0]])).stretched(duration)
 
 
 def linear_law(duration: float) -> TimeLaw:
-    """Return `s = t/T`, for a curve that itself starts and ends at rest."""
+    """Return `s = t/T` with the duration T, for a curve whose first two derivatives by s are 0 at both ends."""
     return TimeLaw(np.array([0.0, duration]), np.array([[0.0, 1.0 / duration]]))
 
 
@@ -91,7 +91,7 @@ Numbers = Sequence[float] | Array
 class TimedCurve(NamedTuple):
     """The curve and time law of a move from a start pose.
 
-    - `law`: time law; its duration is 1 s if `free`.
+    - `law`: curve parameter as a function of time; its duration is 1 s if `free`.
     - `free`: True if the joint limits are yet to determine the duration.
     - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad].
     - `end`: pose at the end.
@@ -124,7 +124,7 @@ class AbstractMove:
 
     @abstractmethod
     def timed_curve(self, pose: Pose) -> TimedCurve:
-        """Return the move from a start pose.
+        """Return the curve and the time law of the move for a start pose.
 
         Raises DefinitionError if the move is not possible from there.
         """
@@ -136,10 +136,12 @@ class AbstractMove:
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise DefinitionError(f"`{name}.{field}` must be > 0 and finite; got {value:g}", where=field)
         if length < 1e-9:
-            raise DefinitionError(f"`{name}` must change the position or the orientation of the tool")
+            raise DefinitionError(
+                f"`{name}` must change the position or the orientation of the tool; use `Pause` to stand still"
+            )
         if self.duration is not None:
             if self.speed is not None or self.acceleration is not None:
-                raise DefinitionError(f"`{name}` takes either `duration`, or `speed` and `acceleration`")
+                raise DefinitionError(f"`{name}` takes either `duration`, or `speed` and `acceleration`, not both")
             return TimedCurve(curve, minimum_jerk_law(self.duration), False, length, end, unit)
         if (self.speed is None) != (self.acceleration is None):
             missing = "speed" if self.speed is None else "acceleration"
@@ -165,7 +167,7 @@ class Line(AbstractMove):
 
     def timed_curve(self, pose: Pose) -> TimedCurve:
         if self.to is not None and self.by is not None:
-            raise DefinitionError("`Line` takes either `to` or `by`")
+            raise DefinitionError("`Line` takes either `to` or `by`, not both")
         shift = np.zeros(3)
         if self.to is not None:
             shift = numbers("Line.to", self.to, 3) - pose.position
@@ -306,7 +308,7 @@ def _direction(owner: str, axis: object) -> Array:
 
 
 def _orthonormal(rotation: Array) -> Array:
-    """Project a matrix onto the rotations, to remove rounding errors."""
+    """Return the rotation matrix nearest to a matrix, to remove rounding errors."""
     left, _, right = np.linalg.svd(rotation)
     return left @ right
 
@@ -318,7 +320,7 @@ NEAR = 1e-4
 """Largest difference between the first timed pose and the tool's pose, m or rad; the tool's pose then replaces it."""
 
 MOST_POSES = 100_000
-"""Most rows in a table."""
+"""Most rows in a table of poses."""
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Factors that convert units of positions to m."""
@@ -397,12 +399,12 @@ class Through(AbstractMove):
             steps = _steps(rows)
             if (steps < 1e-9).any():
                 row = int(np.argmin(steps)) + 1
-                raise DefinitionError(f"`Through.poses` {row} is the same as the pose before it: leave it out")
+                raise DefinitionError(f"row {row} of `Through.poses` is the same as the pose before it: leave it out")
             knots = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
             curve = Spline(knots=knots, coefficients=quintic_spline(knots, rows))
             return self._timed(curve, float(steps.sum()), _pose(rows[-1]))
         if self.duration is not None:
-            raise DefinitionError("`Through` takes either `times` or a `duration`")
+            raise DefinitionError("`Through` takes either `times` or a `duration`, not both")
         times = np.asarray(self.times, float)
         increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
         if len(rows) < 2 or not increasing:
@@ -414,8 +416,9 @@ class Through(AbstractMove):
         angle = float(angle_between(first.rotation, pose.rotation))
         if distance > NEAR or angle > NEAR:
             raise DefinitionError(
-                f"`Through.poses` 1 must be the tool's pose at the start of the move, {_position_text(pose)}; it is "
-                f"{distance:.3g} m and {np.rad2deg(angle):.3g} degrees off: insert a `Line` to it before this move"
+                f"row 1 of `Through.poses` must be the tool's pose at the start of the move, {_position_text(pose)}; "
+                f"it is {distance:.3g} m and {np.rad2deg(angle):.3g} degrees off: insert a `Line` to it before this "
+                "move"
             )
         rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
         span = float(times[-1] - times[0])
@@ -430,19 +433,28 @@ def _rows(poses: object) -> Array:
     except (TypeError, ValueError):
         rows = np.empty(0)
     if rows.ndim != 2 or rows.shape[1] not in (3, 7) or not len(rows):
-        raise DefinitionError("`Through.poses` must all be rows of x, y, z, or all of x, y, z, qw, qx, qy, qz")
+        raise DefinitionError("`Through.poses` must be rows that are all x, y, z, or all x, y, z, qw, qx, qy, qz")
     if not np.isfinite(rows).all():
-        raise DefinitionError(f"`Through.poses` {int(np.argmax(~np.isfinite(rows).all(axis=1))) + 1} must be finite")
+        raise DefinitionError(
+            f"row {int(np.argmax(~np.isfinite(rows).all(axis=1))) + 1} of `Through.poses` must be finite"
+        )
     if rows.shape[1] == 7:
         size = np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
         if (size < 1e-6).any():
-            raise DefinitionError(f"`Through.poses` {int(np.argmin(size)) + 1} must have a quaternion of length > 0")
+            raise DefinitionError(
+                f"row {int(np.argmin(size)) + 1} of `Through.poses` must have a quaternion of length > 0"
+            )
         rows = np.concatenate([rows[:, :3], rows[:, 3:] / size], axis=1)
     return rows
 
 
 def _aligned(rows: Array, first: int) -> Array:
-    """Choose the signs of quaternions so that consecutive ones are close; q and -q are the same orientation."""
+    """Return rows of poses with the signs of the quaternions such that consecutive ones are close.
+
+    q and -q are the same orientation.
+
+    - `first`: index of the row that is row 1 in messages.
+    """
     rows = rows.copy()
     for row in range(1, len(rows)):
         if rows[row, 3:] @ rows[row - 1, 3:] < 0:
@@ -450,8 +462,8 @@ def _aligned(rows: Array, first: int) -> Array:
         cosine = min(float(rows[row, 3:] @ rows[row - 1, 3:]), 1.0)
         if 2 * np.arccos(cosine) > LARGEST_ROTATION:
             raise DefinitionError(
-                f"`Through.poses` {row - first + 1} is rotated by {np.rad2deg(2 * np.arccos(cosine)):.0f} degrees from "
-                f"the previous pose; the most is {np.rad2deg(LARGEST_ROTATION):.0f}: add a pose between them"
+                f"row {row - first + 1} of `Through.poses` is rotated by {np.rad2deg(2 * np.arccos(cosine)):.0f} "
+                f"degrees from the pose before it; the most is {np.rad2deg(LARGEST_ROTATION):.0f}: add a pose between"
             )
     return rows
 

@@ -75,7 +75,7 @@ class StreamFilter(AbstractPart):
     jerk: PerJoint = parameter("J, jerk limit", "rad/s³ or m/s³", "> 0")
     period: Scalar = parameter("h, sample time of the law", "s", "> 0")
     wait: Scalar = parameter(
-        "host's period, in periods of the law; the goal takes it to move to a new position", "", ">= 1"
+        "host's period, in periods of the law; during it the goal moves to the newest position", "", ">= 1"
     )
     lower: PerJoint = parameter("lower position limit", "rad or m", "[-inf, inf]", default=-np.inf)
     upper: PerJoint = parameter("upper position limit", "rad or m", "[-inf, inf]", default=np.inf)
@@ -107,7 +107,7 @@ class StreamFilter(AbstractPart):
         - `period`: sample time of the law [s].
         - `jerk`: jerk limit; the default is so large that it never acts.
         - `rate`: the host's positions per second [Hz]; None holds each position until the next one.
-        - others: as in the class.
+        - `bandwidth`, `velocity`, `acceleration`, `lower`, `upper`: as in the class.
 
         Raises DefinitionError if a value is out of its range, or the host's rate exceeds that of the law.
         """
@@ -133,9 +133,9 @@ class StreamFilter(AbstractPart):
         """Return the time by which the motion lags behind a stream of constant velocity [s].
 
         Up to the speed `B/k` the lag is `1/k = (3/δ - 1) h`, with the braking deceleration `B = A/2`. Above that speed
-        the braking curve determines it: `v/(2 B) + B/(2 k² v)`. The goal's motion adds the host's period, less h.
+        the braking curve determines it: `v/(2 B) + B/(2 k² v)`. The host's period less h is added in both cases.
 
-        - `speed`: v, >= 0, rad/s or m/s.
+        - `speed`: v, speed of the stream, >= 0, rad/s or m/s.
         """
         slow, brake = 1.0 / self.gains[0], BRAKING * self.acceleration
         v = jnp.maximum(as_array(speed), brake * slow)
@@ -272,7 +272,11 @@ class Streamed(AbstractPiecewisePolynomial):
 
 @eqx.filter_jit
 def _filtered(stream: StreamFilter, start: Vector, targets: Array, fresh: Array) -> tuple[StreamState, Array]:
-    """Return the states at all samples, and the acceleration at the end of each period."""
+    """Return the filter's states at all samples, and the acceleration at the end of each period [samples n].
+
+    - `targets`: the host's newest position at each sample [samples n].
+    - `fresh`: True for each sample at which that position is new [samples].
+    """
 
     def step(state: StreamState, now: tuple[Vector, Scalar]) -> tuple[StreamState, tuple[StreamState, Vector]]:
         after = stream.step(state, *now)[2]

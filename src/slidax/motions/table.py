@@ -224,7 +224,12 @@ def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) ->
 
 
 class _Line(NamedTuple):
-    """Straight lines fitted to velocities, one per window and joint: value at a time, slope, and largest residual."""
+    """Straight lines fitted to velocities, one for each window of rows and each joint, [windows n].
+
+    - `value`: the line's velocity at a time.
+    - `slope`: its acceleration.
+    - `rest`: largest residual of the fit.
+    """
 
     value: NDArray[np.float64]
     slope: NDArray[np.float64]
@@ -287,7 +292,7 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> 
     if jump is None:
         return
     row = jump.row if jump.end < 1 else jump.row + 1
-    where = {-1: "at its start, ", 0: "", 1: "at its end, "}[jump.end]
+    where = {-1: "at its start, ", 0: "at ", 1: "at its end, "}[jump.end]
     needed = motion.extremes(2).size[jump.joint]
     raise DefinitionError(
         f"{table.row_label(row)}: the velocity of {joint_label(jump.joint, table.joints)} jumps {where}t = "

@@ -118,7 +118,7 @@ class ExponentialSum(AbstractSmoothMotion):
 
     def __check_init__(self) -> None:
         if self.rates.size > MOST_TERMS:
-            raise DefinitionError(f"`ExponentialSum.rates` must be at most {MOST_TERMS}; got {self.rates.size}")
+            raise DefinitionError(f"`ExponentialSum.rates` must be at most {MOST_TERMS} rates; got {self.rates.size}")
         fits = self.amplitudes.ndim == 2 and self.amplitudes.shape == (*self.rates.shape, *self.offset.shape)
         if not fits:
             raise DefinitionError(
@@ -161,7 +161,7 @@ class Extremes(NamedTuple):
 
 
 def derivative_coefficients(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Return the coefficients of a polynomial's derivative; the result has at least one power.
+    """Return the coefficients of the derivative of polynomials, in the same form; at least one power remains.
 
     - `coefficients`: highest power first, [powers pieces n].
     """

@@ -32,7 +32,7 @@ def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
     Raises DefinitionError unless they are two or more rows of finite numbers of at most 1e9, one per joint.
     """
     if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
-        raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS}; got {len(waypoints)}")
+        raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS} rows; got {len(waypoints)}")
     try:
         q = np.asarray(waypoints, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -54,7 +54,12 @@ def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
 
 
 def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """Return the array of `waypoint_positions`; raise DefinitionError also if two consecutive waypoints are equal."""
+    """Return waypoints as an array of positions [k n], in which consecutive waypoints differ.
+
+    - `owner`: class of the motion, for the message.
+
+    Raises DefinitionError if two consecutive waypoints are equal, or as `waypoint_positions` does.
+    """
     q = waypoint_positions(owner, waypoints)
     same = np.all(np.diff(q, axis=0) == 0, axis=1)
     if same.any():
@@ -106,7 +111,7 @@ def _times(durations: NDArray[np.float64]) -> NDArray[np.float64]:
 def _scaled_to_limits(
     durations: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Scale the durations by a common factor so that the tightest limit is reached exactly."""
+    """Return the durations of the pieces, scaled by a common factor so that the tightest limit is reached exactly."""
     times = _times(durations)
     coefficients = quintic_spline(times, waypoints)
     ratios = [np.max(extremes(times, coefficients, i).size / bound) ** (1 / i) for i, bound in limits.items()]
@@ -114,7 +119,10 @@ def _scaled_to_limits(
 
 
 def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the peak per piece and joint [pieces n], from a parabola through the largest sample and its neighbours."""
+    """Return the peak of sampled values [samples pieces n] for each piece and joint [pieces n].
+
+    The peak is that of a parabola through the largest sample and its neighbours.
+    """
     top = np.argmax(samples, axis=0)[None]
     before, at, after = (
         np.take_along_axis(samples, np.clip(top + step, 0, len(samples) - 1), axis=0)[0] for step in (-1, 0, 1)
@@ -128,13 +136,13 @@ def _peak(samples: NDArray[np.float64]) -> NDArray[np.float64]:
 def _proportions(
     initial: NDArray[np.float64], waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    """Return the durations of the pieces with the least sum for which the sampled derivatives are within the limits."""
+    """Return the durations of the pieces that have the least sum and keep the sampled derivatives within the limits."""
     from scipy.optimize import minimize
 
     z = np.linspace(0.0, 1.0, SAMPLES + 1)
 
     def margins(durations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the relative margin of each limit, per piece and joint: 1 at rest, 0 at the limit."""
+        """Return the relative margins of all finite limits for each piece and joint: 1 at rest, 0 at the limit."""
         coefficients = quintic_spline(_times(durations), waypoints)
         parts = []
         for order, bound in limits.items():

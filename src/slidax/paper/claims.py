@@ -36,8 +36,9 @@ class Claim:
     """A statement in the paper.
 
     - `place`, `says`: place of the statement in the paper, and its content.
-    - `evidence`, `verdicts`: computed values and verdict for each reading of the disturbance (`READINGS`), or for each
-      matrix norm that the paper may mean.
+    - `evidence`: computed values in words, for each reading of the disturbance (`READINGS`) or for each matrix norm
+      that the paper may mean.
+    - `verdicts`: verdict for each of these.
     """
 
     place: str
@@ -47,12 +48,18 @@ class Claim:
 
 
 def claims(runs: Runs) -> list[Claim]:
-    """Check the paper's claims about the curves: the errors stay inside and settle, the torque is continuous."""
+    """Check the paper's claims about the curves of both examples, and return each with its verdicts.
+
+    The errors stay in the envelope and settle in time, and the torque is continuous.
+    """
     return [make(runs, example) for make in (_inside, _settled, _continuous) for example in EXAMPLES]
 
 
 def parameter_claims(runs: Runs) -> list[Claim]:
-    """Check the paper's claims that do not depend on the disturbance: the bounds of ‖M⁻¹‖, and T_i ≥ T_max.
+    """Check the paper's claims that do not depend on the disturbance, and return each with its verdicts.
+
+    These are the bounds of ‖M⁻¹‖, and T_i ≥ T_max. T_i is the deadline of a joint's envelope, T_max the bound of the
+    settling time.
 
     - `runs`: all runs; only their scenarios are used.
     """
@@ -149,7 +156,11 @@ QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
 def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
-    """Return the metrics of every scheme, with the boundary layer of the paper's table and with the alternative one."""
+    """Return the metrics of every scheme in both examples, one item for each reading and boundary layer.
+
+    A reading is one of the disturbance. The boundary layers are that of the paper's table (`listed`: True) and the
+    alternative one.
+    """
     return [
         {
             "example": example,
@@ -170,9 +181,10 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
 
 
 def bands(runs: Runs) -> list[dict[str, Any]]:
-    """Compare the printed settling times with those for every settling band, reading and boundary layer.
+    """Compare the settling times of Table 3 with those for every settling band, reading and boundary layer.
 
-    Return an item for each scheme of Table 3: the printed times, all computed ones, and the nearest of these.
+    Return an item for each scheme of Table 3: the printed times, all computed ones (`lines`), and the computed ones
+    nearest to the printed, for bands wider than the printed steady error (`nearest`) and for all (`nearest_any`).
     """
     result = []
     for scheme, items in TABLE_3.items():
@@ -216,10 +228,10 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """Return the values of Table 3 for each scheme and four computations.
+    """Return the quantities of Table 3 for each scheme, each by four computations.
 
-    These are the paper's integration step, half the step, a torque that is held between samples, and the alternative
-    boundary layer.
+    The keys of `values` are `step` for the paper's integration step, `half` for half the step, `held` for a torque that
+    is held between samples, and `layer` for the alternative boundary layer.
     """
     lines = []
     for example in EXAMPLES:
@@ -257,10 +269,10 @@ def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
 
 
 def jumps(runs: Runs) -> list[dict[str, Any]] | None:
-    """Return the torque jumps of FTSMC with a boundary layer when |e| enters the core of (78).
+    """Return the torque jumps of FTSMC with a boundary layer when a joint's |e| falls below δ of eq. (78).
 
     The slope of (78) is discontinuous there. Each item has the joint, the time, and the largest and the usual step of
-    the torque. The result is None if a joint never enters the core.
+    the torque. The result is None if a joint never comes that near.
     """
     case = Case("4.1", runs.readings[0], scheme="ftsmc").relayered
     run, delta = runs[case], 1e-2
@@ -278,7 +290,9 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 
 
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
-    """AICE and steady error of a scheme in Example 4.1, for two boundary layers: the paper table's and an alternative.
+    """Return AICE (82) and steady error of a scheme in Example 4.1, for two boundary layers.
+
+    `listed` has the values for the boundary layer of the paper's table, `other` those for the alternative `layer`.
 
     - `scheme`: key of the scheme.
     """
@@ -314,7 +328,7 @@ def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
 
 
 def energy(runs: Runs) -> dict[str, Any]:
-    """Return CFTSMPPC's ECI in percent of NFTSMC's, by reading of the disturbance.
+    """Return CFTSMPPC's control effort, ECI (81), in percent of NFTSMC's, by reading of the disturbance.
 
     `listed` is for NFTSMC with the boundary layer of the paper's table, `layer` for the alternative one.
     """

@@ -20,8 +20,9 @@ class Scheme:
     """A scheme in the paper's examples.
 
     - `key`, `name`: its name in scenario files, and in the paper.
-    - `listed`, `other`: half width of the boundary layer in the paper's table (0 if it lists none), and an alternative.
-    - `path`: path of the boundary layer in scenario files.
+    - `listed`: half width of the boundary layer in the paper's table; 0 if it lists none.
+    - `other`: alternative half width, of which the results are compared.
+    - `path`: dotted path of the boundary layer's half width in scenario files.
     - `band`: settling band for the comparison of settling times, rad or m; the paper prints none.
     - `nearest`: the reading of the disturbance whose results are nearer to the printed row.
     """
@@ -113,10 +114,9 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Runs:
-    """All runs by case.
+    """All runs of the reproduction; `runs[case]` is the run of a case.
 
-    - `scenarios`: the simulated scenarios.
-    - `runs`: their runs.
+    - `scenarios`, `runs`: simulated scenario and run of each case.
     - `readings`: the readings of the disturbance, in this order.
     """
 
@@ -133,7 +133,7 @@ class Runs:
         return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
 
     def nearest(self, example: str, scheme: str) -> Case:
-        """Return the case of a scheme as printed, in the reading `Scheme.nearest` or, if not simulated, in the first.
+        """Return the case of a scheme as printed, in the reading `Scheme.nearest` or, if that was not run, the first.
 
         - `example`, `scheme`: number of the example, and key of the scheme.
         """
@@ -142,6 +142,7 @@ class Runs:
     def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
         """Return the cases of an example's schemes by name, the proposed scheme first.
 
+        - `example`, `reading`: number of the example, and reading of the disturbance.
         - `layers`: keys of the schemes to take with the alternative boundary layer.
         """
         plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
@@ -171,7 +172,7 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
     """Run all cases, each once, two at a time.
 
     - `readings`: readings of the disturbance.
-    - `changes`: new values by dotted path for all scenarios.
+    - `changes`: new values for all scenarios, by dotted path such as `simulation.t1`.
     - `progress`: called with the name of the last finished step, and the completed fraction of the runs.
     """
     built: dict[Case, Scenario] = {}
@@ -196,7 +197,7 @@ def simulate_all(readings: Sequence[Reading], changes: dict[str, Any], progress:
 def scenario_of(case: Case, changes: dict[str, Any]) -> Scenario:
     """Return the scenario of a case.
 
-    - `changes`: new values by dotted path, which replace those of the case.
+    - `changes`: new values by dotted path such as `simulation.t1`; they replace those of the case.
     """
     values: dict[str, Any] = {"simulation.mode": case.mode, "simulation.period": case.period}
     if case.scheme != PROPOSED:

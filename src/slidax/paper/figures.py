@@ -123,7 +123,7 @@ IN_ENVELOPES = "in their envelopes, and their magnitudes. Dashed: the envelope's
 
 
 def draw(runs: Runs, folder: Path) -> dict[str, Picture]:
-    """Write all figures of the report as SVG, and return them by name.
+    """Write all figures of the report as SVG files, and return them by name, with titles and captions.
 
     - `folder`: folder for the files.
     """

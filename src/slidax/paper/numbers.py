@@ -39,7 +39,7 @@ from .printed import (
 
 
 class Parts(NamedTuple):
-    """The parts of CFTSMPPC with their types."""
+    """A CFTSMPPC law and its parts, each with its class."""
 
     law: SlidingMode
     transformation: PrescribedPerformance
@@ -75,9 +75,11 @@ def parts_of(scenario: Scenario) -> Parts:
 
 
 def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
-    """Return the ranges of `‖M⁻¹(q)‖` and of the eigenvalues of `M⁻¹(q)`, `max ‖M⁻¹M0 - I‖`, and the law's m1, m2, γ.
+    """Return values for the paper's bounds (47) of the inverse inertia: those of the law, and those of the arm.
 
-    The norms are spectral and Frobenius. The ranges are over q2 alone: the inertia of both arms depends only on q2.
+    The law has `m1`, `m2` and `gamma`. The arm has the ranges of the `eigenvalues` of `M⁻¹(q)`, of its `spectral` and
+    its `frobenius` norm, and `mismatch`, the largest `‖M⁻¹M0 - I‖`. The ranges are over q2 alone, since the inertia of
+    both arms depends only on q2.
 
     - `scenario`: one of the examples.
     """
@@ -102,10 +104,11 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
 
 
 def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
-    """Return the values of the formulas `T_max = T_r + T_s`, eqs. (48)-(50), s, with T_s of the slowest joint.
+    """Return the settling-time bound `T_max = T_r + T_s` [s] by the paper's eqs. (48)-(50), and the deadlines [s].
 
-    (50) uses `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so ρ0 is replaced by 2. For SFSMC, the exponents
-    and gains of its own powers take the same roles. None if the scheme is not a fixed-time scheme.
+    `bound` is T_max, `reaching` T_r, `sliding` T_s of the slowest joint; `terms` has the two terms of each. (50) uses
+    `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so ρ0 is replaced by 2. For SFSMC, the exponents and gains
+    of its own powers take the same roles. The result is None if the scheme is not a fixed-time scheme.
 
     - `scenario`: the scenario with the parameters.
     """
@@ -148,7 +151,7 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
 
 
 def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
-    """Return the error at which the boundary layer of (51) balances the disturbance, for an exact model, [n], rad or m.
+    """Return the error at which the layer of (51) balances the disturbance τ_d, for an exact model, [n], rad or m.
 
     `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
     at e = 0; the maximum over the second half of the run.
@@ -215,10 +218,12 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
-    """Return two ratios, of the largest torque step and of AICE, between a run at half the period and a run, [n] each.
+    """Return the largest torque step, and AICE, of a run at half the period over those of a run, [n] each.
 
-    For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not.
+    For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not. AICE (82) is the total
+    variation of the torque.
 
+    - `run`: run at the full period.
     - `halved`: run at half the period.
     """
     pairs = [(analysis.max_torque_step(r), index_sums.aice(r)) for r in (run, halved)]
@@ -227,11 +232,12 @@ def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
 
 def chatter(run: Run, halved: Run) -> list[float | None]:
-    """Return the ratio of AICE at half the period to AICE, [n], for chattering joints; None for the others.
+    """Return AICE (82) at half the period over that at the full period, [n], for chattering joints; None for others.
 
     AICE of a continuous torque does not depend on the period; that of a torque that jumps at every sample does. A
     torque counts as chattering if AICE changes by more than `CLOSE`.
 
+    - `run`: run at the full period.
     - `halved`: run at half the period.
     """
     ratios = index_sums.aice(halved) / index_sums.aice(run)
@@ -246,7 +252,7 @@ class Row:
     """A printed number, and its comparison.
 
     - `scheme`: name of the scheme.
-    - `quantity`: as in `Printed`, or `limit` or `energy`.
+    - `quantity`: as in `Printed`; or `limit` for the error limit in the text, or `energy` for the energy share.
     - `place`, `name`: place and name of the quantity in the paper.
     - `joint`: number of the joint, as text; `all` for a value of all joints.
     - `unit`: unit of both values.
@@ -268,13 +274,16 @@ class Row:
 
 
 def numbers(runs: Runs) -> list[Row]:
-    """Compare the printed numbers with the computed ones: Table 3, the error limit in the text, the energy share."""
+    """Compare the printed numbers with the computed ones, and return a row for each number.
+
+    These are the values of Table 3, the error limit in the text, and the energy share.
+    """
     table = [row for scheme, items in TABLE_3.items() for item in items for row in _joints(runs, scheme, item)]
     return [*table, _limit(runs), _energy(runs, False), _energy(runs, True)]
 
 
 def energy_share(runs: Runs, reading: Reading, layered: bool) -> float:
-    """Return the ECI of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
+    """Return the control effort, ECI (81), of CFTSMPPC in percent of that of NFTSMC, both summed over the joints.
 
     - `reading`: reading of the disturbance.
     - `layered`: True for NFTSMC with the alternative boundary layer.

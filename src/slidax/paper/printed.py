@@ -20,7 +20,7 @@ JOURNAL = "Nonlinear Dynamics (2022)"
 
 @dataclass(frozen=True)
 class Printed:
-    """A printed quantity with a value for each joint.
+    """A quantity that the paper prints, with a value for each joint.
 
     - `quantity`: `settling_time`, `steady_error` or `peak_torque`.
     - `place`: place of the quantity in the paper.
@@ -102,7 +102,7 @@ KINDS: tuple[Kind, ...] = ("reproduced", "close", "differs", "unchecked")
 
 @dataclass(frozen=True)
 class PrintedComparison:
-    """The result of a comparison.
+    """The verdict of a comparison with the paper.
 
     - `kind`: "reproduced", "close", "differs" or "unchecked".
     - `text`: the verdict in words.
@@ -145,7 +145,7 @@ def compare_limit(limit: float, computed: float | None) -> PrintedComparison:
 
 
 def claim(holds: bool) -> PrintedComparison:
-    """Return the verdict on a statement.
+    """Return the verdict on a statement in the paper.
 
     - `holds`: True if the statement holds.
     """

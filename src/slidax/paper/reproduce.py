@@ -41,7 +41,8 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
     """Select the report's sentences that the verdicts support.
 
-    Return a flag for each such sentence, and the numbers of CFTSMPPC runs in all and inside their envelopes.
+    Return a flag for each such sentence: `settling`, `without_disturbance` and `smooth`. `runs` is the number of
+    CFTSMPPC's runs, `inside` the number of those that stay in their envelopes.
 
     - `rows`, `claims`: results with their verdicts.
     """
@@ -64,7 +65,7 @@ def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[s
 
 
 def run_results(runs: Runs) -> list[dict[str, Any]]:
-    """Return every run with its outcome and metrics."""
+    """Return an item for every run: the fields of its `Case`, its outcome, metrics and computing times."""
     return [_run_result(case, runs) for case in runs.runs]
 
 
@@ -99,7 +100,7 @@ def reproduce(
     - `out`: a folder, created if missing.
     - `disturbance`: "stated", "off", or "both".
     - `progress`: called with the current step and the completed fraction, 0 to 1.
-    - `changes`: new values by dotted path for all scenarios, such as `{"simulation.t1": 1.0}` for a short trial.
+    - `changes`: new values for all scenarios by dotted path, such as `{"simulation.t1": 1.0}` for a short trial.
 
     Returns the content of `results.json`.
 

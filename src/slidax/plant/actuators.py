@@ -18,9 +18,10 @@ from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class TorqueLimits(AbstractPart):
-    """Limits per joint: `|τ| <= torque`, and within that `|τ - τ₋| <= rate h` from one sample to the next.
+    """Limits per joint: `|τ| <= torque`, and within that `|τ - τ₋| <= rate h`.
 
-    The drive enforces them; a controller may know and use them.
+    τ₋ is the torque at the last sample, h the time since then. The drive enforces the limits; a controller may know and
+    use them.
     """
 
     torque: PerJoint = parameter("largest torque", "N m or N", "(0, inf]", default=math.inf)
@@ -103,7 +104,7 @@ class ActuatorMemory(eqx.Module):
 
 
 class Actuator(AbstractPart):
-    """Limits a command, holds it until the next, delays it by `dead_time` periods, and applies `T τ̇ + τ = command`.
+    """A drive: limits a command, holds it until the next, delays it by `dead_time`, and lags, `T τ̇ + τ = command`.
 
     With a fractional dead time, the active command changes within the period. Between changes the lag is integrated
     exactly, by an exponential.
@@ -139,7 +140,7 @@ class Actuator(AbstractPart):
         return tau if self.map is None else self.map.command(tau)
 
     def set(self, tau: Vector, period: Scalar, memory: ActuatorMemory) -> tuple[Vector, ActuatorMemory]:
-        """Set a command at a sample. Returns the limited command, [n], N m or N, and the memory after it.
+        """Set a command at a sample. Return the limited command, [n], N m or N, and the memory after it.
 
         - `tau`: commanded torque [n], N m or N.
         - `period`: time since the last sample, and to the next [s], > 0.

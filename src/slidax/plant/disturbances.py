@@ -34,7 +34,7 @@ class Samples:
 
     @property
     def dq_change(self) -> Floats:
-        """|Δq̇| over each period [samples n], rad/s or m/s; the last period repeats the value before it."""
+        """|Δq̇|, velocity change over each period [samples n], rad/s or m/s; the last period repeats the one before."""
         steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
         return np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
 
@@ -58,7 +58,10 @@ def largest_magnitude(lower: Any, upper: Any) -> Floats:
 
 
 class AbstractDisturbance(AbstractPart):
-    """A generalised force `τ_d(t, q, q̇)` on the joints, eq. (10). `a + b` adds two, `2.0 * a` scales one."""
+    """A generalised force `τ_d(t, q, q̇)` on the joints, eq. (10) of the paper.
+
+    `a + b` adds two disturbances, `2.0 * a` scales one.
+    """
 
     @abstractmethod
     def __call__(self, t: Scalar, state: State) -> Vector:
@@ -108,29 +111,31 @@ MOST_TERMS = 50
 
 
 class Sum(AbstractDisturbance):
-    """Sum of several disturbances."""
+    """Sum of several disturbances, `terms`."""
 
     terms: tuple[AbstractDisturbance, ...] = piece("disturbances that are added")
 
     def __check_init__(self) -> None:
         if len(self.terms) > MOST_TERMS:
-            raise DefinitionError(f"`Sum.terms` must be at most {MOST_TERMS}; got {len(self.terms)}")
+            raise DefinitionError(
+                f"`Sum.terms` must be at most {MOST_TERMS} disturbances; got {len(self.terms)}: merge some"
+            )
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """Return the sum of all terms, [n], N m or N; zero if there is none."""
         return sum((term(t, state) for term in self.terms), start=0.0 * state.q)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Breakpoints of all terms [s]."""
+        """Return the times at which a term begins, jumps or ends [s]."""
         return tuple(time for term in self.terms for time in term.breakpoints())
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Return the sum of the terms' bounds."""
+        """Return the sum of the terms' chord deviations [samples n], N m or N."""
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.chord_deviation(high, samples) for low, high in pairs), start=np.zeros(samples.q.shape))
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """Return the sum of the terms' bounds."""
+        """Return the sum of the terms' largest forces [n], N m or N."""
         pairs = zip(self.terms, upper.terms, strict=True)
         return sum((low.largest(high, joints) for low, high in pairs), start=np.zeros(joints))
 
@@ -146,18 +151,18 @@ class Scaled(AbstractDisturbance):
         return self.factor * self.disturbance(t, state)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Breakpoints of the scaled disturbance [s]."""
+        """Return the times at which the scaled disturbance begins, jumps or ends [s]."""
         return self.disturbance.breakpoints()
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Return the factor's largest magnitude times the bound of the scaled disturbance."""
+        """Return the disturbance's chord deviation times the factor's largest magnitude [samples n], N m or N."""
         factor = largest_magnitude(self.factor, upper.factor)
         if not factor.any():
             return np.zeros(samples.q.shape)
         return factor * self.disturbance.chord_deviation(upper.disturbance, samples)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """Return the factor's largest magnitude times the bound of the scaled disturbance."""
+        """Return the disturbance's largest force times the factor's largest magnitude [n], N m or N."""
         factor = largest_magnitude(self.factor, upper.factor)
         return factor * self.disturbance.largest(upper.disturbance, joints) if factor.any() else np.zeros(joints)
 
@@ -196,7 +201,7 @@ class Step(AbstractDisturbance):
         return jnp.where((t >= self.start) & (t < self.end), self.value, 0.0)
 
     def breakpoints(self) -> tuple[float, ...]:
-        """Beginning and end of the force [s]."""
+        """Return the times at which the force begins and ends [s]."""
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
@@ -223,7 +228,7 @@ class Harmonic(AbstractDisturbance):
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min(ω² h²/8, 2)`: `h²/8` times its largest second derivative, at most the peak-to-peak value."""
+        """`|a| min(ω² h²/8, 2)`: `h²/8` times the force's largest second derivative, at most its peak-to-peak value."""
         angle = largest_magnitude(self.frequency, upper.frequency) * samples.period
         bound: Floats = largest_magnitude(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)
@@ -272,9 +277,9 @@ class Friction(AbstractDisturbance):
 
 
 class Stribeck(AbstractDisturbance):
-    """`τ_d = -f_s exp(-(q̇/v_st)²) tanh(q̇/v_s)`: static friction above Coulomb friction, which a slow joint has.
+    """`τ_d = -f_s exp(-(q̇/v_st)²) tanh(q̇/v_s)`: excess of static over Coulomb friction in a slow joint.
 
-    The Coulomb friction itself is the arm's, or that of `Friction`.
+    The Coulomb friction itself is in the arm's `coulomb`, or in a `Friction`.
 
     Source: Armstrong-Hélouvry, Dupont and Canudas de Wit, A survey of models, analysis tools and compensation methods
     for the control of machines with friction, Automatica 1994.

@@ -29,7 +29,10 @@ def as_integer(value: Any) -> Array:
 
 
 def seed(effect: str) -> Any:
-    """Declare the seed parameter of a random effect, such as noise."""
+    """Declare the seed parameter of a sensor.
+
+    - `effect`: the random effect in its description, such as "noise".
+    """
     return parameter(f"a whole number; another seed gives other {effect}", default=0, converter=as_integer)
 
 
@@ -40,7 +43,7 @@ def _key(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Key[Array, ""]
 def draw_normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     """Draw independent normal numbers with mean 0 and standard deviation 1.
 
-    - `stream`: number for the kind of sensor.
+    - `stream`: number of the random stream, a different one for each kind of sensor.
     - `k`: number of the sample.
     - `shape`: shape of the result.
     """
@@ -50,7 +53,7 @@ def draw_normal(seed: Int[Array, ""], stream: int, k: Int[Array, ""], shape: tup
 def draw_uniform(seed: Int[Array, ""], stream: int, k: Int[Array, ""]) -> Float[Array, ""]:
     """Draw a uniform random number in [0, 1).
 
-    - `stream`: number for the kind of sensor.
+    - `stream`: number of the random stream, a different one for each kind of sensor.
     - `k`: number of the sample.
     """
     return jax.random.uniform(_key(seed, stream, k), (), float)

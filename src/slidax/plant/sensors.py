@@ -126,7 +126,8 @@ class DifferencedEncoders(AbstractSensor):
     """`q' = r round((q + σ ν)/r)`, and `v⁺ = v + (1 - e^{-c h}) ((q' - q'₋)/h - v)`, `q̇' = v⁺`.
 
     There is no velocity sensor: the velocity is the difference of the last two positions after a first-order low-pass,
-    and lags by about `1/c + h/2`. At sample 0 it is the true velocity.
+    and lags by about `1/c + h/2`. At sample 0 it is the true velocity. q'₋ and v are the values of the last sample, h
+    is the period, and ν is white with mean 0 and deviation 1.
     """
 
     title = "Encoders without velocity sensors: the velocity is a filtered difference of positions."
@@ -255,6 +256,8 @@ class LossyMemory(eqx.Module):
 
 class Lossy(AbstractSensor):
     """Measurement of `sensor`, lost at random, for `start <= k < start + count`, and where `pattern[k mod p]` is 1.
+
+    k is the number of the sample, p the length of the pattern.
 
     Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The inner sensor
     continues to measure.

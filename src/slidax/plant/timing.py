@@ -13,7 +13,7 @@ class TimingTrace(NamedTuple):
 
     - `source`: the public report with the numbers.
     - `nominal`: the configured period [s]; the mean if the report does not state it.
-    - `periods`: printed periods [s].
+    - `periods`: the sequence of periods in the report [s].
     - `every`: nominal periods from the start of one sequence to the start of the next; updates in between are on time.
       None repeats the sequence without a pause. The reports do not state this number.
     """

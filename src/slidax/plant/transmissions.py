@@ -19,8 +19,9 @@ from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 class LuGre(AbstractPart):
     """`F = σ₀ z + σ₁ ż + σ₂ v`, `ż = v - σ₀ |v| z/g(v)`, `g(v) = F_c + (F_s - F_c) exp(-(v/v_s)²)`.
 
-    z is the mean deflection of the bristles between two surfaces. Below the static friction F_s a joint sticks and
-    gives way by F/σ₀, like a spring. In steady sliding `F = g(v) sgn v + σ₂ v`, the Stribeck curve.
+    F is the friction force at the velocity v, z the mean deflection of the bristles between two surfaces. Below the
+    static friction F_s a joint sticks and gives way by F/σ₀, like a spring. In steady sliding `F = g(v) sgn v + σ₂ v`,
+    the Stribeck curve.
 
     Source: Canudas de Wit, Olsson, Åström and Lischinsky, A new model for control of systems with friction, IEEE TAC
     1995.
@@ -49,7 +50,7 @@ class LuGre(AbstractPart):
         return (bristle + h * after) / (1.0 + h * self.stiffness * jnp.abs(velocity) / self.level(velocity))
 
     def force(self, bristle: Vector, velocity: Vector, h: Scalar) -> tuple[Vector, Vector]:
-        """Return F0 and D of the friction in a step, `F = F0 + D (v⁺ - v)`, [n] each.
+        """Return F0 and D of the friction in a step, `F = F0 + D (v⁺ - v)` with the velocity v⁺ at its end, [n] each.
 
         `F = σ₀ z⁺ + σ₁ (z⁺ - z)/h + σ₂ v⁺` is linear in v⁺, so that a step solves linear equations only.
 
@@ -65,8 +66,8 @@ class LuGre(AbstractPart):
 class Elasticity(AbstractPart):
     """A spring between motor and link: `J θ̈ = τ - s - F`, `M q̈ + C q̇ + G = s + τ_d`, `s = k (θ - q) + d (θ̇ - q̇)`.
 
-    The rotor and all friction of the joint are the motor's; θ is the motor's position behind the gear. The motor's
-    angular momentum counts about its own axis only.
+    s is the force of the spring, F the joint's friction. The rotor and all friction are the motor's; θ is the motor's
+    position behind the gear. The motor's angular momentum counts about its own axis only.
 
     Source: Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 1987.
     """
@@ -85,7 +86,7 @@ class Elasticity(AbstractPart):
             raise DefinitionError(f"`Elasticity.encoder` must be `motor` or `link`; got {self.encoder!r}")
 
     def motor(self, rotors: Vector) -> PerJoint:
-        """Return J for an arm with these rotor inertias [n]."""
+        """Return the motors' inertia J: `inertia`, or the arm's rotor inertias `rotors` [n] by default."""
         return rotors if self.inertia is None else self.inertia
 
 
@@ -118,10 +119,10 @@ class Load(NamedTuple):
 class Transmission(AbstractPart):
     """LuGre friction and elasticity of the true joints, with states that the arm's equations of motion lack.
 
-    One step of length h is linearly implicit: `q̇⁺` solves `(M + h B) (q̇⁺ - q̇) = h f`, where the diagonal B has the
-    friction's and the springs' damping; then `q⁺ = q + h q̇⁺`. LuGre friction is stable at any step. Springs take the
-    positions at the step's start, so that they lose no energy to the integration; `fastest_mode` bounds the step.
-    Without friction and elasticity, the step would be `semi_implicit_euler`.
+    One step of length h is linearly implicit: `q̇⁺` solves `(M + h B) (q̇⁺ - q̇) = h f`, where f is the force on the
+    joints and the diagonal B has the damping of friction and springs; then `q⁺ = q + h q̇⁺`. LuGre friction is stable
+    at any step. Springs take the positions at the step's start, so that they lose no energy to the integration;
+    `fastest_mode` bounds the step. Without friction and elasticity, the step would be `semi_implicit_euler`.
     """
 
     friction: LuGre | None = piece("LuGre friction; None if there is none", default=None)
@@ -142,7 +143,10 @@ class Transmission(AbstractPart):
         return TransmissionState(None if self.friction is None else jnp.zeros_like(state.q), motor)
 
     def measured(self, state: State, own: TransmissionState) -> State:
-        """Return the state that sensors measure: the motors' or the links'."""
+        """Return the state that sensors measure, the motors' or the links'.
+
+        - `state`, `own`: states of the arm and of the transmission.
+        """
         if own.motor is None or self.elasticity is None or self.elasticity.encoder == "link":
             return state
         return own.motor
@@ -150,7 +154,7 @@ class Transmission(AbstractPart):
     def step(
         self, state: State, own: TransmissionState, tau: Vector, load: Load, h: Scalar
     ) -> tuple[State, TransmissionState]:
-        """Return both states after a step under a constant torque.
+        """Return the states of the arm and of the transmission after a step under a constant torque.
 
         - `state`, `own`: states of the arm and of the transmission at the start of the step.
         - `tau`: torque of the drives [n], N m or N.

@@ -39,6 +39,8 @@ def markdown(
 ) -> str:
     """Return the table of all schemes, and the verdict for each task, as Markdown.
 
+    - `tables`, `summaries`: rankings of the tasks, and summaries of the schemes over all tasks.
+    - `versions`: version of each package, by name.
     - `command`: shell command that computed the results.
     """
     tasks = results.round.tasks.values()
@@ -67,7 +69,7 @@ def markdown(
 
 
 def summarise_tasks(tables: Sequence[Ranking]) -> list[str]:
-    """Return a line for each task: the best scheme, and the significance of its lead, by Holm's method over tasks."""
+    """Return a line for each task: the best scheme, and its lead's significance, adjusted by Holm over the tasks."""
     adjusted = holm([table.p_value for table in tables])
     return [_verdict(table, p_value) for table, p_value in zip(tables, adjusted, strict=True)]
 
@@ -94,7 +96,7 @@ def _numbers(by: str, score: Score) -> str:
 
 
 def name_with_form(entry: BenchmarkEntry) -> str:
-    """Return a scheme's name with its form."""
+    """Return a scheme's name with its form, such as `cftsmppc (printed)`."""
     return f"{entry.name} ({entry.form})"
 
 
@@ -122,7 +124,7 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
     """Write `results` as `report.html`, `benchmark.md`, `results.json` and `figures/*.svg`; return the page's path.
 
     - `out`: a folder, made if missing.
-    - `seconds`: duration of the round.
+    - `seconds`: duration of the round [s], for the page.
     - `command`: shell command that computed the results.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -155,7 +157,7 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
 
 
 def as_json(results: RoundResults, tables: list[Ranking], summaries: list[Overall]) -> dict[str, Any]:
-    """Return all results, ready for JSON."""
+    """Return the contents of `results.json`: rankings of tasks, summaries of schemes, and reasons for refusals."""
     return {
         "version": VERSION,
         "budget": results.round.budget,

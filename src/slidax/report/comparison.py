@@ -56,8 +56,8 @@ class Rival:
         """Simulate a scheme and count its samples outside the envelope.
 
         - `scenario`: the scenario to simulate.
-        - `judge`: the scenario whose envelope is used for a scheme without an envelope.
-        - `logged`: keep the log that the scenario requests.
+        - `judge`: the scenario whose envelope is used if the scheme has none.
+        - `logged`: True to keep the log that the scenario requests, False for a run without a log.
         """
         # Log every sample to count those outside: the metrics use every sample, too.
         run = scenario.simulate(log_every=1)
@@ -81,9 +81,9 @@ def _outside(judge: Scenario, run: Run) -> int | None:
 class MetricRow:
     """One metric of one joint.
 
-    - `values`: the value of each scheme, in `unit`; None for a missing value.
-    - `best`: the schemes with the least value, among the runs that reached their end.
     - `metric`, `joint`: the metric, and the joint's name.
+    - `values`: the value of each scheme, by its name, in `unit`; None for a missing value.
+    - `best`: names of the schemes with the least value, among the runs that reached their end.
     """
 
     metric: Metric[Any]
@@ -96,7 +96,7 @@ class MetricRow:
 def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> list[MetricRow]:
     """Return a row for each metric and joint.
 
-    - `rivals`: runs by scheme, all on the same arm.
+    - `rivals`: runs by name of the scheme, all on the same arm.
     - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
     """
     first = next(iter(rivals.values()))
@@ -154,7 +154,10 @@ def _leaders(runs: Mapping[str, Run]) -> list[str]:
 
 
 def results(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> dict[str, Any]:
-    """Return the comparison of `rivals` by all metrics, and by those in `also`, as JSON with finite numbers only."""
+    """Return the contents of `results.json`, with finite numbers only: the scenario, and the metrics of each scheme.
+
+    - `rivals`, `also`: as in `standings`.
+    """
     first = next(iter(rivals.values()))
     scenario = first.scenario
     best: dict[str, list[list[str]]] = {}
@@ -203,7 +206,7 @@ def write_comparison(
 ) -> Path:
     """Write `report.html`, `figures/*.svg` and `results.json` to the folder `out`, and return the page's path.
 
-    - `rivals`: runs by scheme; a run without a log appears in the tables only.
+    - `rivals`: runs by name of the scheme; a run without a log appears in the tables only.
     - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
     - `command`: command line, for the page.
 
@@ -213,7 +216,7 @@ def write_comparison(
         raise DefinitionError("nothing to compare: give at least one run")
     first = next(iter(rivals.values()))
     if any(rival.run.joint_names != first.run.joint_names for rival in rivals.values()):
-        raise DefinitionError("only runs of the same arm can be compared; these runs have different joints")
+        raise DefinitionError("only runs of the same arm can be compared, and these runs have different joints")
     rows = standings(rivals, also)
     timings = [rival.run.timing for rival in rivals.values() if rival.run.timing]
     return write_page(

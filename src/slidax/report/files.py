@@ -35,7 +35,7 @@ def _with_whole_paths(part: Any) -> Any:
 
 
 def parameters(scenario: Scenario) -> dict[str, str]:
-    """Return two YAML texts by title: a `scenario`, and its law with the values of all parameters."""
+    """Return two YAML texts by title: the file of a `scenario`, and its law with the values of all parameters."""
     law = _values(scenario.controller)
     return {"The scenario": as_yaml(scenario.description), "The law with all its values": dump_yaml(law)}
 
@@ -61,7 +61,7 @@ def _rounded(values: np.ndarray) -> np.ndarray:
 
 
 def columns(run: Run) -> dict[str, np.ndarray]:
-    """Return the log of a `run` as columns: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, the bounds, and the signals.
+    """Return the log of a `run` by column name: `t`, `q_1`, `dq_1`, `q_d_1`, ..., `tau_1`, then envelope and signals.
 
     Raises DefinitionError if the run has no log.
     """

@@ -226,7 +226,7 @@ def _tolerance_bounds(scenario: Scenario, t: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _bounds(certificates: Certificates, t1: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return times and bounds of |e| by legend label, from the certificates that hold."""
+    """Return times [k], s, and bounds of |e| [k joints] by legend label, from the certificates that hold."""
     bounds: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for verdict in certificates:
         if not verdict.holds:

@@ -31,7 +31,11 @@ READY = b"ready\n"
 
 
 class ProcessContext:
-    """Access of a process to the shared memory, with the start time and the stop flag of the loop."""
+    """Access of the law's or the arm's process to the shared memory, with start time and stop flag of the loop.
+
+    - `memory`: the shared memory, as bytes.
+    - `job`: settings of the process.
+    """
 
     def __init__(self, memory: np.ndarray, job: LoopJob) -> None:
         self._memory, self._job = memory, job
@@ -60,14 +64,14 @@ class ProcessContext:
         return bool(self._begins[1])
 
     def report(self, reason: str, counts: dict[str, int]) -> SideReport:
-        """Return the report, with the granted real-time properties."""
+        """Return the report of this process; `reason` and `counts` are as in `SideReport`."""
         return SideReport(reason, self._granted, counts)
 
 
 def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideReport]]) -> None:
     """Run the side that the first command-line argument names: read its job from stdin, and write its report to stdout.
 
-    - `sides`: the function of each side, by name.
+    - `sides`: function that runs each side, by the side's name; it returns the report.
     """
     job: LoopJob = pickle.load(sys.stdin.buffer)
     report = sides[sys.argv[1]](job, ProcessContext(map_shared_memory(int(sys.argv[2])), job))
@@ -86,6 +90,9 @@ def run_arm(job: LoopJob, context: ProcessContext) -> SideReport:
     process is delayed, it simulates the ticks that have passed, since a real arm would have moved on; commands sent
     after those ticks count as late. The arm brakes after `patience` ticks without a command, or as soon as the law
     requests a stop, however late that command is.
+
+    The report's counts are `ticks`; `held`, the ticks without a command before braking; `longest`, most of them in
+    succession; `caught_up`, wake-ups that were more than a period late; and `lost`, lost measurements.
     """
     arm = ArmSide(job.plan, job.world, job.substeps)
     measurement, command, _, row = job.lengths
@@ -159,7 +166,11 @@ NAP = 20_000
 
 
 def run_law(job: LoopJob, context: ProcessContext) -> SideReport:
-    """Run the law's loop: wake up, read the newest measurement, send a command, log, sleep."""
+    """Run the law's loop: wake up, read the newest measurement, send a command, log, sleep.
+
+    The report's counts are `answered`, measurements with a command; `skipped`, measurements that a newer one replaced;
+    `rolled_back`, commands after one that the arm did not apply; and `astray`, commands from a memory that was too old.
+    """
     law = LawSide(job.plan, job.period)
     measurement, command, row, _ = job.lengths
     measurements = Mailbox(context.at(job.places.measurements), measurement)

@@ -35,7 +35,10 @@ def create_shared_memory(size: int) -> int:
 
 
 def map_shared_memory(descriptor: int) -> np.ndarray:
-    """Return the shared memory of a descriptor from `create_shared_memory`, as bytes."""
+    """Map shared memory into this process; return it as an array of bytes.
+
+    - `descriptor`: file descriptor from `create_shared_memory`.
+    """
     return np.frombuffer(mmap.mmap(descriptor, 0), np.uint8)
 
 
@@ -44,9 +47,10 @@ FRESH = 16
 
 
 class Mailbox:
-    """The newest message from one process to another: bytes of fixed size, with a number and a checksum.
+    """Mailbox with the newest message from one process to another: bytes of fixed size, with a number and a checksum.
 
-    The checksum detects an incomplete message, in whatever order writes become visible to other CPU cores.
+    The checksum detects an incomplete message, in whatever order writes become visible to other CPU cores. `message` is
+    the buffer that `put` sends and `get` fills.
 
     - `memory`: shared memory of `Mailbox.size(length)` bytes.
     - `length`: length of a message [bytes], a multiple of 8.
@@ -92,7 +96,7 @@ class Mailbox:
 
 
 class Ring:
-    """Ring buffer of rows from one process to another; the writer never waits, and overwrites unread rows.
+    """Ring buffer of log rows from one process to another; the writer never waits, and overwrites unread rows.
 
     - `memory`: shared memory of `Ring.size(length, rows)` bytes.
     - `length`: length of a row [bytes], a multiple of 8.
@@ -109,7 +113,7 @@ class Ring:
 
     @staticmethod
     def size(length: int, rows: int) -> int:
-        """Bytes of shared memory."""
+        """Bytes of shared memory for a ring of `rows` rows of `length` bytes."""
         return 8 + length * rows
 
     def put(self, row: np.ndarray) -> None:
@@ -119,7 +123,7 @@ class Ring:
         self._written[0] = self._put
 
     def take(self, *, last: bool = False) -> np.ndarray:
-        """Return the rows written since the last call, [rows length].
+        """Return the rows written since the last call, as bytes [rows length].
 
         Rows that the writer has overwritten, or will soon, are skipped and counted in `lost`.
 
@@ -143,7 +147,7 @@ ALIGNED = 64
 
 @dataclass(frozen=True)
 class Slot:
-    """Position of an array in an arena's block; `offset` in bytes."""
+    """Position of an array in an arena's block of memory; `offset` is its start [bytes]."""
 
     offset: int
     shape: tuple[int, ...]
@@ -157,7 +161,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class MachineCode:
-    """Machine code, with the positions of its inputs and outputs.
+    """Machine code of one routine, with the positions of its inputs and outputs in memory.
 
     - `object`: an object file for this machine.
     - `entry`: name of its function.
@@ -171,11 +175,12 @@ class MachineCode:
 
 @dataclass(frozen=True)
 class CodePlan:
-    """Description of an arena, to be sent to another process.
+    """Description of an `Arena`, machine code with its memory, which can be sent to another process.
 
-    - `initial`: content of the block before the first call.
-    - `routines`, `views`: machine code and arrays, by name.
-    - `regions`: start and end of parts of the block [bytes], by name.
+    - `initial`: content of the block of memory before the first call.
+    - `routines`: machine code by name.
+    - `views`: position of each named array in the block.
+    - `regions`: start and end of parts of the block [bytes], by name; a part can contain several arrays.
     """
 
     initial: bytes
@@ -185,7 +190,7 @@ class CodePlan:
 
 
 class Arena:
-    """A block of memory with all arrays of some machine code, and the code ready to call.
+    """A block of memory with all inputs and outputs of some machine code, and the code ready to call.
 
     The overhead of a call is less than 1 µs.
 
@@ -210,17 +215,17 @@ class Arena:
         self.block[:] = np.frombuffer(self.plan.initial, np.uint8)
 
     def view(self, name: str) -> np.ndarray:
-        """Return an array in the block."""
+        """Return a named array, which shares the memory of the block."""
         slot = self.plan.views[name]
         return self.block[slot.offset : slot.end].view(slot.dtype).reshape(slot.shape)
 
     def region(self, name: str) -> np.ndarray:
-        """Return a part of the block as bytes."""
+        """Return a named part of the block as bytes, which share its memory."""
         start, end = self.plan.regions[name]
         return self.block[start:end]
 
     def routine(self, name: str) -> Callable[[], None]:
-        """Return a routine as a function without arguments."""
+        """Return a routine as a function without arguments; it reads its inputs and writes its outputs in the block."""
         code = self.plan.routines[name]
         return partial(self._linked[code.entry], self._tables[name].ctypes.data, 1, 0)
 

@@ -101,13 +101,13 @@ STOP = -1
 
 @dataclass(frozen=True)
 class MemoryLayout:
-    """Layout of the shared memory: the offset of each part [bytes].
+    """Layout of the memory that both processes of a loop share: the offset of each part [bytes].
 
-    - `measurements`, `commands`: the mailboxes.
-    - `law_rows`, `arm_rows`: the ring buffers.
-    - `start`: time of tick 0 by the monotonic clock [ns], 0 until it is set; followed by a flag that ends both
-      processes.
-    - `size`: total size.
+    - `measurements`, `commands`: the mailboxes from the arm to the law, and back.
+    - `law_rows`, `arm_rows`: the ring buffers with the log rows of law and arm.
+    - `start`: two int64: the time of tick 0 by the monotonic clock [ns], 0 until it is set; and a flag, which ends both
+      processes if it is not 0.
+    - `size`: total size [bytes].
     """
 
     measurements: int
@@ -120,17 +120,17 @@ class MemoryLayout:
 
 @dataclass(frozen=True)
 class LoopJob:
-    """Settings for one side of the loop, which its process receives.
+    """Settings for one side of the loop, law or arm, which its process receives.
 
-    - `plan`: code of the side.
+    - `plan`: machine code and memory of the side.
     - `places`: layout of the shared memory.
-    - `lengths`: lengths of a measurement, a command, a row of the law and a row of the arm [bytes].
-    - `period`: time between two ticks [s].
-    - `ticks`: number of ticks.
+    - `lengths`: lengths of a measurement, a command, a log row of the law and a log row of the arm [bytes].
+    - `period`: time between two ticks, the sample instants of the loop [s].
+    - `ticks`: number of the last tick; the first is 0.
     - `patience`: number of ticks without a command until the arm brakes, and without a measurement until the law ends.
     - `phase`: time from a tick to the law's wake-up [ns].
-    - `priority`: real-time priority to request.
-    - `world`: MuJoCo's model and joint indices, for the arm; None for slidax's own simulator and for the law.
+    - `priority`: real-time priority to request, 1 to 99.
+    - `world`: for an arm in MuJoCo, its model, and the indices of the joints' positions and velocities; else None.
     - `substeps`: MuJoCo steps per tick.
     - `stop_bit`: mask of the bit in the law's status that makes the arm brake; 0 for none.
     """
@@ -150,10 +150,13 @@ class LoopJob:
 
 @dataclass(frozen=True)
 class SideReport:
-    """Report of one side after its loop has ended.
+    """Report of one side, law or arm, after its loop has ended.
 
-    - `reason`: "done", "stopped", "no command", "stop requested", "no measurement" or "not finite".
-    - `counts`: event counters, by name.
+    - `reason`: "done" after the last tick, or "stopped" by the flag in the shared memory. For the law also "no
+      measurement". For the arm also "no command" and "stop requested", after which it braked, and "not finite" for its
+      joint positions.
+    - `granted`: real-time properties of the process.
+    - `counts`: event counters by name, as listed in `run_arm` and `run_law`.
     """
 
     reason: str
@@ -162,15 +165,15 @@ class SideReport:
 
 
 class LawSide:
-    """The law's side: computes a torque command from each measurement.
+    """The law's side of a loop: computes a torque command from each measurement.
 
     A command takes effect at a tick. If it arrives too late, the arm holds the previous torque. The law's memory (its
     internal state) then contains a command that the arm did not apply. Therefore each measurement carries the tick of
     the last applied command, and the law continues from its memory after that command. For the law, a tick whose
     command was late is a lost sample.
 
-    - `plan`: code of the law: `motion` computes the reference at `t`; `step_0` computes a command and steps from the
-      first of two memories to the second, `step_1` from the second to the first.
+    - `plan`: machine code and memory of the law. The routine `motion` computes the reference at time `t`; `step_0`
+      computes a command and steps from the first of two memories to the second, `step_1` from the second to the first.
     - `period`: time between two ticks [s].
     """
 
@@ -204,7 +207,9 @@ class LawSide:
         self._motion()
 
     def answer(self, k: int, applied: int) -> bool:
-        """Compute the command `tau` from `measured`; return False if the memory after the last applied command is lost.
+        """Compute the torque command `tau` from the measurement in `measured`.
+
+        Returns False if the law's memory after the last applied command is lost; it then continues from an older one.
 
         - `k`: the tick at which the command takes effect.
         - `applied`: the last tick whose command was applied, as reported by the arm; -1 before the first.
@@ -234,11 +239,11 @@ World = tuple[Any, np.ndarray, np.ndarray]
 
 
 class ArmSide:
-    """An arm that is simulated tick by tick.
+    """The arm's side of a loop: an arm that is simulated tick by tick.
 
-    - `plan`: code of the arm: `set` applies a torque and `measure` measures. `move` simulates to the next tick; with
-      MuJoCo, it computes the applied force.
-    - `world`: MuJoCo's model; None for slidax's own simulator.
+    - `plan`: machine code and memory of the arm. The routine `set` applies a torque, and `measure` measures. `move`
+      simulates to the next tick; with MuJoCo, it computes the applied joint forces of one step.
+    - `world`: MuJoCo's model, and the indices of the joints' positions and velocities; None for slidax's own simulator.
     - `substeps`: MuJoCo steps per tick.
     """
 
@@ -277,7 +282,7 @@ class ArmSide:
         before[:] = after
 
     def measure(self, k: int) -> bool:
-        """Measure into `measured`; return False if this measurement is lost."""
+        """Write the measurement at tick `k` to `measured`; return False if it is lost on the way to the law."""
         self._k[()] = k
         self._measure()
         before, after = self._pairs["sensor"]
@@ -285,7 +290,7 @@ class ArmSide:
         return bool(self.fresh)
 
     def move(self) -> bool:
-        """Simulate to the next tick; return True if the state is finite."""
+        """Simulate to the next tick; return True if all joint positions are finite."""
         if self._world is None:
             self._move()
             before, after = self._pairs["state"]

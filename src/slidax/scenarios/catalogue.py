@@ -51,7 +51,7 @@ KINDS = {
     "trajectories": TrajectoryDescription,
     "disturbances": Term,
 }
-"""Kinds of parts, each with the union of its descriptions."""
+"""Kinds of parts, each with the union of its pydantic models."""
 
 BLOCKS: dict[str, type[AbstractDescription]] = {
     "scenario": ScenarioDescription,
@@ -69,13 +69,16 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Return a line about each part, by kind and name."""
+    """Return a line about each part, by kind and name: `catalogue()["schemes"]["pid"]`; and each scenario's title."""
     parts = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
     return {**parts, "scenarios": {name: read_description(name).title for name in names()}}
 
 
 def members(kind: str) -> dict[str, type[AbstractDescription]]:
-    """Return the descriptions of one of the `KINDS` by name."""
+    """Return the pydantic models for all parts of a kind, by name.
+
+    - `kind`: a key of `KINDS`, such as "surfaces".
+    """
     return _by_name(KINDS[kind])
 
 

@@ -48,8 +48,8 @@ def without_brackets(path: str, joints: Sequence[str] = ()) -> str:
 def joint_names_in(data: Mapping[str, Any], folder: Path) -> tuple[str, ...]:
     """Return the joint names of a scenario's robot.
 
-    - `data`: mapping of the file.
-    - `folder`: folder of the files that it names.
+    - `data`: mapping of the scenario file.
+    - `folder`: folder to which file names in it are relative.
 
     Raises DefinitionError if the robot is invalid.
     """
@@ -70,12 +70,14 @@ def _robots() -> TypeAdapter[Any]:
 
 
 def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Return a scenario's mapping with changed values, and with each parameter of the scheme below its part.
+    """Return a scenario's mapping with changed values, in which each parameter of the scheme is below its part.
 
-    - `data`: mapping of the file; it is not modified.
+    For example, `scheme.k1` moves to `scheme.surface.k1` if only the surface has a k1.
+
+    - `data`: mapping of the scenario file; it is not modified.
     - `changes`: new values by dotted path; it is not modified either. Names and kinds are set first, since other values
       depend on them; entries of lists, such as `start.q[0]`, last. A new `kind` drops the parameters of the old kind.
-    - `folder`: folder of the files that the scenario names.
+    - `folder`: folder to which file names in the scenario are relative.
 
     Raises DefinitionError if a path does not exist.
     """
@@ -107,10 +109,10 @@ def _from_here(path: str, value: Any) -> Any:
 
 
 def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
-    """Return the full path of a value: with numeric indices, and with the part to which a scheme's parameter belongs.
+    """Return the full path of a value: `start.q[elbow]` becomes `start.q.2`, `scheme.k1` becomes `scheme.surface.k1`.
 
-    - `data`: mapping of the file.
-    - `path`: path as in `--set`.
+    - `data`: mapping of the scenario file.
+    - `path`: dotted path as in `--set`.
     - `joints`: names of the robot's joints, which may be used as indices.
 
     Raises DefinitionError if an index does not exist.

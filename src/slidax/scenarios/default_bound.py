@@ -42,19 +42,25 @@ RANGE = {"rad": np.pi, "m": 0.5}
 def default_bound(
     true: AbstractRobot, nominal: AbstractRobot, load: TimedPayload | None, drives: TorqueLimits, *, sampled: bool
 ) -> dict[str, float]:
-    """Return the parameters of an `UncertaintyBound`, eqs. (19), (45)-(47), from 256 postures over the joints' ranges.
+    """Return the parameters of an `UncertaintyBound` by name, from 256 postures over the joints' ranges.
 
-    With the true M and `b = C q̇ + G`, and the nominal M0 and b0, the lumped uncertainty is
-    `(M0 M⁻¹ - I)(τ - b) - (b - b0)`. Let B be the maximum of `‖b - b0‖` at rest plus the difference of friction at
-    1 rad/s, but at least 20 % of the weight `max‖G0‖`. `b1 = 0`, since weight does not grow with ‖q‖. k is 20 % of the
-    norm of the torque limits.
+    Equation numbers are the paper's. Let M and `h = C q̇ + G` be of the true arm, M0 and h0 of the nominal one. The
+    lumped uncertainty `(M0 M⁻¹ - I)(τ - h) - (h - h0)` has the bound `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19).
 
-    - Printed form: γ bounds `|κ - 1|` of the eigenvalues κ of `M⁻¹M0`, between 0.2 and 0.5; `m1, m2 = (1 ∓ γ) m` with
-      `m = mean ‖M0⁻¹‖` have this γ by (46); `b0 = γ max‖G0‖ + (1 + γ) B`; `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
-    - Sampled-data form: the estimator compensates the inertia mismatch, so `γ = 0` and `b2 = 0`. `b0 = B`, but `k + b0`
-      is at most a quarter of the norm of the torque limits.
+    Let B be the maximum of `‖h - h0‖` at rest plus the difference of friction at 1 rad/s, but at least 20 % of the
+    weight `max‖G0‖`. `b1` is 0, since weight does not grow with ‖q‖. The margin k is 20 % of the norm of the torque
+    limits, or of the weight without limits.
 
-    - `load`: payload of the true arm.
+    In the printed form γ is the maximum of `|κ - 1|` over the eigenvalues κ of `M⁻¹M0`, but 0.2 to 0.5. The bounds
+    `(1 ∓ γ) mean‖M0⁻¹‖` of ‖M⁻¹‖ have this γ by (46). `b0 = γ max‖G0‖ + (1 + γ) B`, and
+    `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
+
+    In the sampled-data form the estimator compensates the inertia mismatch, so γ and b2 are 0. `b0 = B`, but `k + b0`
+    is at most a quarter of the norm of the torque limits.
+
+    - `true`, `nominal`: the true arm, and the arm that the law knows.
+    - `load`: payload of the true arm; None for none.
+    - `drives`: torque limits.
     - `sampled`: True for a law in sampled-data form.
     """
     lower, upper = _box(nominal)
@@ -91,14 +97,16 @@ def default_bound(
 def warn_of_implausible_bound(
     bound: dict[str, Any], state: State, drives: TorqueLimits, find: Callable[[], dict[str, float]]
 ) -> None:
-    """Warn, with a DefinitionWarning, if u at rest at the start is implausible for this arm.
+    """Warn, with a DefinitionWarning, if an uncertainty bound is implausible for this arm.
 
-    u is implausible if it exceeds the norm of the torque limits, or if it is below a tenth of this norm and below a
-    third of the default `k + b0`. Other kinds of bounds, traced values and arms without torque limits are not checked.
+    Let u be the size of the robust torque at rest at the start. It is implausible if it exceeds the norm of the torque
+    limits, or if it is below a tenth of this norm and below a third of the default `margin + b0`. Other kinds of
+    bounds, traced values and arms without torque limits are not checked.
 
     - `bound`: parameters of the bound, with its `kind`.
     - `state`: the start.
-    - `find`: returns the default parameters.
+    - `drives`: torque limits.
+    - `find`: returns the default parameters, as `default_bound` does.
     """
     if is_traced((list(bound.values()), state, drives)):
         return

@@ -1,4 +1,4 @@
-"""Pydantic models of the parts in a scenario file, derived from the declared parameters of these parts."""
+"""Pydantic models for parts of a scenario, such as sensors and surfaces, derived from their classes' parameters."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class AbstractDescription(BaseModel):
 
 
 def described_field(parameter: Parameter, *, checked: bool = False, **changes: Any) -> Any:
-    """Return the field of a description for a declared parameter.
+    """Return the pydantic field for a declared parameter of a part, with its meaning, unit, range and default.
 
     - `checked`: True to check the range when the file is read; False if the part checks it.
     - `changes`: `default` and `source` replace the declared ones; `required=True` removes the default.
@@ -103,13 +103,18 @@ def described_field(parameter: Parameter, *, checked: bool = False, **changes: A
 
 
 def same_field(part: type, name: str, **changes: Any) -> Any:
-    """Return the field of a description for a parameter of a part's class, with changes as in `described_field`."""
+    """Return the pydantic field for a parameter, as `described_field` does.
+
+    - `part`: class of a part.
+    - `name`: name of a parameter of this class.
+    - `changes`: as in `described_field`.
+    """
     (parameter,) = (parameter for parameter in parameters_of(part) if parameter.name == name)
     return described_field(parameter, **changes)
 
 
 def input_field(meaning: str, unit: str = "", range: str = "", *, default: Any = REQUIRED, source: str = "") -> Any:
-    """Declare a field of a description that is not a parameter of a part; arguments as in `slidax.core.parameter`.
+    """Declare a field of a description that is not a parameter of a part; arguments as in `core.parameter.parameter`.
 
     The range is checked when the file is read.
     """
@@ -121,7 +126,7 @@ def _plain(value: Any) -> Any:
 
 
 class PartDescription(AbstractDescription):
-    """A part, described by the parameters of its class."""
+    """A part in a scenario file: the parameters of the class `part`."""
 
     part: ClassVar[type]
 
@@ -139,9 +144,10 @@ class PartDescription(AbstractDescription):
 
 
 def build_parts(where: str, value: Any) -> Any:
-    """Return a field's value with the built part in place of each description of a part.
+    """Return a field's value, in which built parts replace the descriptions of parts.
 
     - `where`: name of the field, for messages.
+    - `value`: a description, a tuple of descriptions, or any other value, which is returned as it is.
     """
     if isinstance(value, PartDescription):
         with locate_errors(where):
@@ -154,15 +160,16 @@ def build_parts(where: str, value: Any) -> Any:
 
 
 def description_of(part: type) -> type[PartDescription]:
-    """Return the description of a part's class, with a required `kind`."""
+    """Return the pydantic model for a part's class, with a required `kind`."""
     return _description_as(kind_of(part), part)
 
 
 def preset_of(
     part: type, owner: str, values: Mapping[str, Any], source: str, computed: Mapping[str, str] = {}
 ) -> type[PartDescription]:
-    """Return the description of a part of a preset; its kind and the preset's parameter values are defaults.
+    """Return the pydantic model for a part of a preset; its kind and the preset's parameter values are defaults.
 
+    - `part`: class of the part.
     - `owner`: name of the preset.
     - `values`, `source`: the preset's values, and their source.
     - `computed`: parameters that are computed if the file lacks them, each with the source of its value.
@@ -173,8 +180,9 @@ def preset_of(
 
 
 def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") -> type[PartDescription]:
-    """Return the description of a part without a kind.
+    """Return the pydantic model for a part's class, without a kind.
 
+    - `name`: name of the model.
     - `optional`: True to make every parameter optional.
     - `doc`: docstring; by default the part's title.
     """
@@ -183,11 +191,11 @@ def plain_of(part: type, name: str, *, optional: bool = False, doc: str = "") ->
 
 
 def union_of(family: type, *instead: type[AbstractDescription], default: type[PartDescription] | None = None) -> Any:
-    """Return the union of the descriptions of all parts of a family.
+    """Return the union of the pydantic models for all parts of a family; the kind selects one of them.
 
     - `family`: abstract class of the parts; its package exports them.
-    - `instead`: hand-written descriptions, each in place of the derived one of the same kind.
-    - `default`: a description whose kind has a default, in place of the derived one of the same kind.
+    - `instead`: hand-written models, which replace derived ones of the same kind.
+    - `default`: a model whose kind has a default; it replaces the derived one of the same kind.
     """
     models: dict[str, type[AbstractDescription]] = {
         kind: description_of(part) for kind, part in members_of(family).items() if is_nameable(part, family)
@@ -218,7 +226,7 @@ def _own_part(family: type) -> Any:
 
 @functools.cache
 def _description_as(kind: str, part: type) -> type[PartDescription]:
-    """Return the description of a part, which files select by this kind."""
+    """Return the pydantic model for a part, which files select by this kind."""
     return _model(part, part.__name__, {"kind": (Literal[kind], Field(description="Kind of the part."))})
 
 
@@ -263,7 +271,7 @@ def _model(
 
 @functools.cache
 def hints_of(part: type) -> dict[str, Any]:
-    """Return the types of a part's fields."""
+    """Return the types of a part's fields by name, with annotations evaluated."""
     return typing.get_type_hints(part)
 
 

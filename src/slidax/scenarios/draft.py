@@ -29,10 +29,10 @@ from .scenario import Scenario
 from .yaml_text import dump_commented
 
 RADIUS = 5.0
-"""rad/s: final radius of the envelope divided by the period; 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
+"""rad/s: final radius of the envelope, over the period; the radius is 0.005 rad at 1 kHz, 0.02 rad at 250 Hz."""
 
 WIDTH = {"rad": 1.0, "m": 0.2}
-"""rad or m: initial radius; it also scales the final radius of a prismatic joint."""
+"""rad or m: initial radius of the envelope; it also scales the final radius of a prismatic joint."""
 
 HORIZON, PERIODS = 25e-3, 12
 """s and periods: lower bounds of the horizon H."""
@@ -49,16 +49,16 @@ DRIFT = 0.008
 SURFACE = {"k1": 0.5, "k2": 1.0, "p": 0.5, "q": 1.2, "delta": 0.01}
 REACHING = {"gain": 0.1, "exponent": 1.2, "layer": 0.0}
 OVERSHOOT, EXPONENT = 0.9, 2.01
-"""Law of new scenarios, and of designs before their search."""
+"""Parameters of the law in new scenarios, and in designs before their search."""
 
 SUBSTEPS = 10
 
 
 @dataclass(frozen=True)
 class Choices:
-    """Choices for a new scenario.
+    """Choices for a new scenario or requirements file.
 
-    - `arm`: the arm as its description has it.
+    - `arm`: the arm as described by its file or data sheet.
     - `block`: the scenario's block `robot`.
     - `rate`: loop rate, Hz.
     - `ratings`, `home`, `motion`: ratings of the joints, home posture, and motion about it.
@@ -83,7 +83,7 @@ ROTORS = 0.002
 
 
 def draft_text(chosen: Choices) -> str:
-    """Return the text of the scenario file."""
+    """Return the YAML text of a scenario file with these choices."""
     units, period = chosen.arm.joint_units, 1.0 / chosen.rate
     ratings, motion = chosen.ratings, chosen.motion
     wide = [WIDTH[unit] for unit in units]
@@ -146,7 +146,7 @@ FRICTION = 0.01
 
 
 def requirements_text(chosen: Choices) -> str:
-    """Return the text of a requirements file for `slidax design`."""
+    """Return the YAML text of a requirements file for `slidax design` with these choices."""
     torque = chosen.ratings.torque
     friction = _row(FRICTION * torque)
     payload = {"robot.plant.load.mass": {"between": [0, _number(chosen.payload)]}} if chosen.payload else {}
@@ -264,7 +264,7 @@ FILES = {".urdf": "urdf", ".xacro": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 
 @dataclass(frozen=True)
 class Draft:
-    """A new scenario.
+    """A new scenario or requirements file.
 
     - `text`: content of the file.
     - `notes`: assumptions, each a sentence.

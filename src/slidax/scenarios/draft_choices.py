@@ -14,7 +14,7 @@ from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
 def with_tip_mass(arm: Articulated, share: float) -> Articulated:
-    """Return the arm with a share of its moving mass added to its payload."""
+    """Return the arm with a payload that is heavier by a share of the moving mass, the sum of the links' masses."""
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
     return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))
 
@@ -48,8 +48,8 @@ RANGE = {"rad": np.pi, "m": 0.5}
 class Ratings:
     """Ratings of the joints.
 
-    - `torque`, `velocity`: [n], N m or N, rad/s or m/s.
-    - `torque_rate`: fastest changes of torque in the robot's file [n], N m/s or N/s; inf where it has none.
+    - `torque`, `velocity`: limits [n], N m or N, rad/s or m/s.
+    - `torque_rate`: torque rate limits from the robot's file [n], N m/s or N/s; inf where it has none.
     - `lower`, `upper`: ends of the ranges [n], rad or m.
     - `notes`: assumptions with their reasons, each a sentence.
     """
@@ -65,11 +65,13 @@ class Ratings:
 def ratings_of(arm: Articulated) -> Ratings:
     """Return the ratings of an arm's joints from its description, with assumptions for missing or implausible values.
 
-    A torque limit is replaced if it is missing, if it cannot hold half of the weight, if it exceeds 30 times the
-    requirement, or if all joints have the same limit and it exceeds 5 times the requirement of one of them. The
-    requirement of a joint is 1.25 times the sum of its weight in the worst of 256 postures, with 30 % of the moving
-    mass at the tip, and the torque for 5 rad/s² of its own inertia. It is at least that of the joints after it, and at
-    least 15 % of the largest.
+    A torque limit is replaced if it is missing, if it is below half of the joint's largest gravity torque, if it
+    exceeds 30 times the required torque, or if all joints have the same limit and it exceeds 5 times the required
+    torque of one of them.
+
+    The required torque of a joint is 1.25 times the sum of the gravity torque in the worst of 256 postures, with 30 %
+    of the moving mass at the tip, and the torque for 5 rad/s² of its own inertia. It is at least that of the joints
+    after it, and at least 15 % of the largest.
     """
     limits, units = arm.limits, np.array(arm.joint_units)
     notes: list[str] = []
@@ -150,7 +152,7 @@ def _placeholder(limits: Numbers, ratio: Numbers, one_for_all: bool) -> str:
 
 
 def _needed(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
-    """Required torque of each drive, and the arm's own weight in the worst posture, [n] and [n], N m or N."""
+    """Required torque of each drive, and the largest gravity torque without a payload, [n] and [n], N m or N."""
     postures = spread_in_box(lower, upper, POSTURES)
     own, carrying = states_of(arm, postures), states_of(with_tip_mass(arm, SIZING_TIP_SHARE), postures)
     weight, with_load = np.abs(own.bias).max(axis=0), np.abs(carrying.bias).max(axis=0)
@@ -184,16 +186,19 @@ HELD = 0.5
 
 
 def tip_share(arm: Articulated, payload: float) -> float:
-    """Return the mass at the tip for which motions are chosen, as a share of the moving mass: the payload's, or 0.2."""
+    """Return the mass at the tip for which motions are chosen, as a share of the moving mass: at least 0.2.
+
+    - `payload`: mass that the arm carries [kg].
+    """
     return max(TIP_SHARE, payload / float(np.sum(np.asarray(arm.masses))))
 
 
 def home_of(arm: Articulated, ratings: Ratings, share: float = TIP_SHARE) -> Numbers:
-    """Return a home posture [n], rad or m, for a `share` of the moving mass at the tip.
+    """Return a home posture [n], rad or m, for a payload of a `share` of the moving mass.
 
-    It is the best of 2000 postures spread over the inner half of the ranges, the middle and 0. The cost counts the
-    share of the torque limits that holds the arm with this payload, the nearness to a singularity, the distance from
-    0, and the depth of links below the base.
+    It is the best of 2000 postures spread around 0, or around the middle of the ranges. The cost counts the share of
+    the torque limits that holds the arm with this payload, the nearness to a singularity, the distance from 0, and the
+    depth of links below the base.
     """
     middle, half = 0.5 * (ratings.lower + ratings.upper), 0.5 * (ratings.upper - ratings.lower)
     wide = np.where(np.array(arm.joint_units) == "rad", np.minimum(half, 2.0), half)
@@ -268,9 +273,9 @@ START = 0.2
 class Motion:
     """Sinusoidal motion about the home posture.
 
-    - `amplitude`, `frequency`: [n], rad or m, rad/s.
-    - `start`: positions at t = 0 [n].
-    - `burden`: largest share of each torque limit in use, with the payload [n].
+    - `amplitude`, `frequency`: amplitude and frequency of each joint [n], rad or m, rad/s.
+    - `start`: positions of the arm at t = 0, away from the motion [n], rad or m.
+    - `burden`: largest torque of each joint along the motion, with the payload, as a share of its limit [n].
     """
 
     amplitude: Numbers
@@ -280,8 +285,10 @@ class Motion:
 
 
 def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float = TIP_SHARE) -> Motion:
-    """Return a motion about a home posture [n], reduced in speed and amplitude until it is within the ratings.
+    """Return a motion about a home posture, reduced in speed and amplitude until it is within the ratings.
 
+    - `ratings`: from `ratings_of`.
+    - `home`: the posture [n], rad or m.
     - `share`: payload as a share of the moving mass.
 
     Raises DefinitionError if a drive cannot hold the payload.

@@ -26,9 +26,11 @@ from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 @dataclass(frozen=True)
 class Space:
-    """Sets of values by path. Each set maps some coordinates of the unit cube to a value, in the order of the paths.
+    """Sets of values for dotted paths of a scenario, combined into a map from a unit cube to values.
 
-    - `leaves`: the values in the scenario, by path.
+    Each set maps its own coordinates of the cube to a value. The coordinates are in the order of the paths.
+
+    - `leaves`: the scenario's own values, with units and ranges, by path.
     - `sets`: the sets, by path.
     """
 
@@ -37,7 +39,7 @@ class Space:
 
     @cached_property
     def widths(self) -> dict[str, int]:
-        """Number of coordinates of each path."""
+        """Number of coordinates of the unit cube for each path."""
         return {path: values.coordinates(self.leaves[path]) for path, values in self.sets.items()}
 
     @property
@@ -51,11 +53,11 @@ class Space:
         return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
-        """Return the values at points of the unit cube: an array for each path, whose first axis is the point.
+        """Return the values at points of the unit cube: an array for each path, first axis: the point.
 
         - `cube`: points [rows, dimensions], in [0, 1).
 
-        Raises DefinitionError, with the path, if a set does not fit its value, or is empty.
+        Raises DefinitionError, with the path, if a set does not fit the scenario's value, or is empty.
         """
         if cube.shape[1:] != (self.dimensions,):
             raise DefinitionError(f"points of the cube have {self.dimensions} coordinates; got {list(cube.shape)}")
@@ -68,7 +70,7 @@ class Space:
         return values
 
     def ends(self) -> list[dict[str, Any]]:
-        """Return cases at the ends of the sets, for checks: all low, all high, and alternating; each by path."""
+        """Return four cases at the ends of the sets, values by path: all low, all high, alternating in both ways."""
         low, high = 0.0, np.nextafter(1.0, 0.0)
         even = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
         points = np.array([np.full(len(even), low), np.full(len(even), high), *np.where([even, ~even], low, high)])
@@ -77,7 +79,7 @@ class Space:
 
 
 def as_changes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arrays of a case, by path, as plain values of a scenario file."""
+    """Return a case, arrays by dotted path, with numbers and lists instead of arrays, as in a scenario file."""
     return {path: np.asarray(value).tolist() for path, value in values.items()}
 
 
@@ -89,7 +91,7 @@ UNTRACEABLE = (TypeError, ValueError, AttributeError, DefinitionError)
 class Family:
     """All scenarios that a file and sets of values allow.
 
-    - `base`: the scenario of the file.
+    - `base`: description of the scenario in the file.
     - `uncertain`: sets of true values that the law does not know.
     - `varied`: sets of values that the law knows, as with `--set`.
     """
@@ -107,8 +109,9 @@ class Family:
     ) -> Family:
         """Return the family of a scenario.
 
-        - `uncertain`: sets by path; by default those of the scenario.
-        - `varied`: sets of values that the law knows.
+        - `base`: description of the scenario.
+        - `uncertain`: sets by dotted path of true values that the law does not know; default: the scenario's own.
+        - `varied`: sets by dotted path of values that the law knows.
 
         Raises DefinitionError if a path does not exist, a set is empty, or a value is out of its range.
         """
@@ -122,14 +125,16 @@ class Family:
                 spaces[where] = _space(resolved, sets, law=where == "varied")
         both = [path for path in spaces["uncertainty"].sets if path in spaces["varied"].sets]
         if both:
-            raise DefinitionError("is both uncertain and varied; leave one out", where=f"uncertainty.{both[0]}")
+            raise DefinitionError(
+                "is both uncertain and varied: remove it from one of them", where=f"uncertainty.{both[0]}"
+            )
         family = cls(resolved, spaces["uncertainty"], spaces["varied"])
         family.require_valid()
         return family
 
     @cached_property
     def space(self) -> Space:
-        """Both spaces as one, the uncertain values first."""
+        """Space of all sets, those of the uncertain values first."""
         return Space({**self.uncertain.leaves, **self.varied.leaves}, {**self.uncertain.sets, **self.varied.sets})
 
     @cached_property
@@ -143,9 +148,9 @@ class Family:
         return _arm(self.base)
 
     def label(self, column: str) -> str:
-        """Return the label of a study's column with joint names: `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
+        """Return a study's column with a joint name as index: `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
 
-        `--set` accepts these labels.
+        `--set` accepts this form.
         """
         path, _, indices = column.partition("[")
         leaf = self.space.leaves[path]
@@ -186,7 +191,9 @@ class Family:
         return DefinitionError(f"some of its values do not fit together: {error}", where=where)
 
     def case(self, values: Mapping[str, Any]) -> ScenarioDescription:
-        """Return the scenario with new values by path, as a description.
+        """Return the description of a case: varied values replace the file's, uncertain ones are its `truth`.
+
+        - `values`: a value for each dotted path, without a first axis.
 
         Raises DefinitionError if a value is invalid.
         """
@@ -198,13 +205,14 @@ class Family:
         return validate_text(data, known, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
-        """Build the scenario of `case`."""
+        """Build the scenario called `name` with the values of a case by dotted path, as in `case`."""
         return self.case(values).build(name)
 
     def parts(self, template: Templates, values: Mapping[str, Any]) -> Parts:
-        """Return the parts of the loop with new values by path, which may be traced and are not checked.
+        """Return the parts of the closed loop of a case, as `simulate` takes them.
 
-        - `template`: supplies all other values.
+        - `template`: a case of the family; it supplies all values that are not in `values`.
+        - `values`: values by dotted path, which JAX may trace and which are not validated.
         """
         known = {path: value for path, value in values.items() if path in self.varied.sets}
         controller = template.controller
@@ -219,9 +227,10 @@ class Family:
         return parts if tolerance is None else (*parts, tolerance)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
-        """For each path, return True if a single compiled loop can run all its values.
+        """Return for each path True if a single compiled loop can run all its values.
 
-        - `values`: some values for each path; the first axis is the row.
+        - `template`: a case of the family; it supplies the other values.
+        - `values`: some values for each path, first axis: the row.
         """
         known: Any = jax.tree.structure((self.parts(template, {}),))
         traceable = {}
@@ -240,7 +249,10 @@ class Family:
         return traceable
 
     def templates(self, values: Mapping[str, Any]) -> Templates:
-        """Return a case from a value for each path, so that every path exists."""
+        """Return a case as descriptions and built scenario, in which every path has a value.
+
+        - `values`: a value for each dotted path, without a first axis.
+        """
         case = self.case(values)
         built = case.build("template")
         return Templates(case, case.as_it_is(), built)
@@ -248,7 +260,7 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Templates:
-    """A case of a family.
+    """A case of a family, in which `Family.parts` replaces values.
 
     - `believed`: the description that the law knows.
     - `actual`: the true description.
@@ -265,12 +277,12 @@ class Templates:
         return self.built.controller
 
     def with_engine(self, engine: str) -> Templates:
-        """Return the templates with another engine, as in `simulate`."""
+        """Return a copy with another engine: "auto", "native", "xla" or "cuda"."""
         return replace(self, built=self.built.replace(engine=engine))
 
 
 def _space(base: ScenarioDescription, sets: Mapping[str, AbstractSet], *, law: bool) -> Space:
-    """Return the space of the sets, by full paths; `law` is True if the law knows the values."""
+    """Return the space of sets, by full paths such as `scheme.surface.k1`; `law`: True if the law knows the values."""
     data = base.model_dump(exclude_unset=True, exclude={"truth", "uncertainty"})
     own = base if law else base.as_it_is()
     placed: dict[str, AbstractSet] = {}

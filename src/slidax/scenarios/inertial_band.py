@@ -1,4 +1,4 @@
-"""Arms whose inertial parameters lie in a band around the nominal ones, at points of the unit cube."""
+"""Changes of inertial parameters that keep an arm in a band around the nominal one, for random draws."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from .uncertain_values import Array
 
 
 def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
-    """Return changes of the inertial parameters in a band of relative half width p, [rows 11 n].
+    """Return changes of the inertial parameters in a band of relative half width p.
 
-    A body's pseudo-inertia J0 changes by `√J0 p S √J0ᵀ`, with a symmetric S of norm 1 at most. A rotor inertia changes
-    by a share of p.
+    The result has the axes [rows, 11, n]: for each joint ten parameters of its body, then its rotor inertia. A body's
+    pseudo-inertia J0 changes by `√J0 p S √J0ᵀ`, with a symmetric S of norm 1 at most. A rotor inertia changes by a
+    share of p at most.
 
-    - `shares`: numbers in [-1, 1], ten for each body and then one for each rotor [rows 11n].
+    - `shares`: numbers in [-1, 1], ten for each body and then one for each rotor [rows, 11n].
+    - `arm`: the nominal arm.
     """
     phi, n = arm_parameters(arm), arm.joints
     changes = np.empty_like(shares)
@@ -38,12 +40,14 @@ def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
 
 
 def changes_in_ellipsoid(xi: Array, deviations: Array, arm: Articulated, p: float) -> Array:
-    """Return the changes ξ D of an identified arm, scaled down where the mass matrix would change by more than p.
+    """Return the changes ξ D of an identified arm's inertial parameters, by which its mass matrix changes by p at most.
 
-    The result is [rows 11 n].
+    A change that would exceed the share p is scaled down. The result has the axes [rows, 11, n]: for each joint ten
+    parameters of its body, then its rotor inertia.
 
-    - `xi`: ξ, of norm 1 at most [rows r].
-    - `deviations`: D [r 11n].
+    - `xi`: ξ, of norm 1 at most [rows, r].
+    - `deviations`: D, as `slidax identify` writes it [r, 11n]: ten columns for each body, then one for each rotor.
+    - `arm`: the identified arm.
 
     Raises DefinitionError if D does not fit the arm.
     """

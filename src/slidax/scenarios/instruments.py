@@ -71,9 +71,10 @@ class SensorDescription(AbstractDescription):
     """Seed of the noise."""
 
     def build(self, period: float, joints: int) -> AbstractSensor | None:
-        """Build the sensor; None if it is ideal.
+        """Build the sensor; return None if it is ideal.
 
         - `period`: time between samples [s].
+        - `joints`: number of joints.
 
         Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
@@ -149,7 +150,9 @@ class ActuatorDescription(AbstractDescription):
     )
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
-        """Return the description with the robot's limits in place of `robot`.
+        """Return the description, with a torque or rate limit `robot` replaced by the arm's own limit.
+
+        - `limits`: limits from the arm's data sheet; None without one.
 
         Raises DefinitionError if the robot has no such limits.
         """
@@ -180,7 +183,7 @@ class ActuatorDescription(AbstractDescription):
         return self._map("map", joints)
 
     def known_to(self, law: AbstractController) -> AbstractController:
-        """Return the law with the actuator map that it knows.
+        """Return the law with the actuator map `map`, or unchanged without a map.
 
         Raises DefinitionError if there is a map and the law is not in sampled-data form.
         """
@@ -205,12 +208,12 @@ class ActuatorDescription(AbstractDescription):
             return ActuatorMap.of(rows)
 
     def joint_limits(self, joints: int) -> TorqueLimits:
-        """Return limits of the joints' torques for which every command stays within its own limits."""
+        """Return limits of joint torques and their rates that keep each drive's command within `torque` and `rate`."""
         known = self.known_map(joints)
         return self.limits() if known is None else known.within(self.limits())
 
     def build(self, joints: int) -> Actuator | None:
-        """Build the actuator; None if it is ideal.
+        """Build the actuator for a number of `joints`; return None if it is ideal.
 
         Raises DefinitionError if a list has the wrong length, or a number is out of range.
         """
@@ -290,7 +293,7 @@ else:
 
 
 def tolerance_of(description: ToleranceDescription | None, robot: AbstractRobot) -> PrescribedPerformance | None:
-    """Build the tolerance band for the errors of a robot, if there is one.
+    """Build the tolerance band for the errors of a robot; return None without a description.
 
     Raises DefinitionError, with the path of the field, if it is invalid or does not fit the joints.
     """
@@ -316,5 +319,5 @@ class SurroundingsDescription(AbstractDescription):
     """A table."""
 
     def build(self) -> Table | None:
-        """Build the table, if there is one."""
+        """Build the table; return None without one."""
         return None if self.table is None else Table(as_array(self.table.height), as_array(self.table.friction))

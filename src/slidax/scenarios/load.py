@@ -41,9 +41,9 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
 
 
 def alter(scenario: Scenario, changes: dict[str, Any]) -> Scenario:
-    """Return a loaded scenario with new values by dotted path, as if loaded with these changes.
+    """Return a scenario with new values by dotted path, as if `load` had read it with these changes.
 
-    Changes by `replace` are lost.
+    Changes by `Scenario.replace` are lost.
 
     Raises DefinitionError if a value is invalid.
     """
@@ -86,10 +86,11 @@ def validate_text(
     folder: Path = Path(),
     form: type[ScenarioDescription] = ScenarioDescription,
 ) -> ScenarioDescription:
-    """Return the validated description in data from a YAML text.
+    """Return the validated description in a mapping from a YAML text.
 
+    - `data`: the mapping.
     - `changes`, `folder`: as in `parse`.
-    - `form`: class of the description; another one for further schemes.
+    - `form`: class of the description; `with_scheme` returns one for a further scheme.
 
     Raises DefinitionError with the path of the first invalid field.
     """
@@ -122,7 +123,7 @@ def _read(scenario: str | Path) -> tuple[str, str]:
 
 
 PARTS = ("robot", "trajectory")
-"""Blocks that may refer to a file."""
+"""Blocks of a scenario that may refer to a file."""
 
 
 def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
@@ -150,6 +151,7 @@ def restore(text: str, files: Mapping[str, bytes], name: str) -> Scenario:
     """Build a scenario from the result of `portable_text`, such as the one in a log.
 
     - `text`, `files`: as returned by `portable_text`.
+    - `name`: name of the scenario.
 
     Raises DefinitionError if the scenario is invalid.
     """

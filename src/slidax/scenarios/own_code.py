@@ -26,9 +26,10 @@ def allow_code() -> None:
 
 
 def own_class(name: str, family: type, folder: str | Path) -> type[AbstractPart]:
-    """Import and return the class of a part, to which a file refers as `module:Class`.
+    """Import and return a user's class of a part.
 
-    - `family`: abstract class of the part.
+    - `name`: the class as a file refers to it, `module:Class`.
+    - `family`: abstract class from which it must be derived.
     - `folder`: folder of the file, where the module is searched first, then in the current folder.
 
     Raises DefinitionError if this is not allowed, the import fails, or the class is of another family.

@@ -65,7 +65,7 @@ class LinksDescription(AbstractDescription):
     inertia: list[Six] = input_field("inertias about the centres of mass, xx, yy, zz, xy, xz, yz", "kg m²")
 
     def applied(self, robot: Articulated) -> Articulated:
-        """Return the arm with these links.
+        """Return a copy of the arm whose links have these parameters.
 
         Raises DefinitionError if their number differs from the arm's, or no rigid body has such parameters.
         """
@@ -110,7 +110,7 @@ class AbstractRobotDescription(AbstractDescription):
 
     @abstractmethod
     def build(self) -> Arms:
-        """Build the true robot, the nominal one, and the payload of the true one."""
+        """Build the true arm, the nominal arm that the law knows, and the payload of the true arm."""
 
     def resolved(self) -> AbstractRobotDescription:
         """Return the description with the content of its file in place of the file's name, so each value has a path."""
@@ -155,7 +155,7 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
 
 
 class NominalArm(AbstractDescription):
-    """Values of the arm that the law knows; they complete or replace values of the arm's description."""
+    """The arm as the law knows it: values that complete or replace those of the arm's description."""
 
     armature: Numbers | None = same_field(Articulated, "armature", default=None, source="the arm's description")
     viscous: Numbers | None = same_field(Articulated, "viscous", default=None, source="the arm's description")
@@ -169,9 +169,9 @@ class NominalArm(AbstractDescription):
     )
 
     def applied(self, robot: Articulated | Coupled) -> Articulated | Coupled:
-        """Return the nominal arm for a described arm.
+        """Return the nominal arm: the arm of the description with these values.
 
-        In an arm with joints that follow others, each joint has its own values, also a following joint.
+        In an arm with joints that follow others, a list has an entry for each joint, also for a following joint.
 
         Raises DefinitionError if a list does not have an entry for each joint.
         """
@@ -217,7 +217,7 @@ class AbstractArticulated(AbstractRobotDescription):
     plant: TrueArm = TrueArm()
     """Differences of the true arm from the nominal one."""
     nominal: NominalArm = NominalArm()
-    """Values of the arm that the law knows; they complete or replace values of the arm's description."""
+    """The arm as the law knows it: values that complete or replace those of the arm's description."""
 
     @abstractmethod
     def described(self) -> Articulated | Coupled:
@@ -255,7 +255,7 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
 
 @contextmanager
 def messages_with_keys() -> Iterator[None]:
-    """Reword errors and warnings of a reader of robot files for scenario files.
+    """Reword errors and warnings from readers of robot files inside the block, for users of scenario files.
 
     Arguments in remedies become keys: `mimics="followed"` is `mimics: followed`.
     """

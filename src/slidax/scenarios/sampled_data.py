@@ -32,7 +32,7 @@ FINEST = 2e-6
 faster, and a faster filter tolerates only smaller errors of the inertia (docs/learning.md)."""
 
 ARM_GROWTH = 1.5
-"""Largest growth of the estimator's bandwidth with `arm_learning` (docs/arm-learning.md)."""
+"""Largest factor by which the estimator's bandwidth grows with `arm_learning` (docs/arm-learning.md)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Sampling:
 
     - `period`: time between samples [s].
     - `delay`: delay from a measurement to the torque based on it [periods].
-    - `dead_time`: part of the delay after the command [periods].
+    - `dead_time`: part of this delay between the command and its torque [periods].
     - `limits`: limits of torque and torque rate.
     - `variance`: variance of a measured position, a number or [n], rad² or m².
     - `has_velocity`: True if velocities are measured.
@@ -50,7 +50,7 @@ class Sampling:
     - `rated`: rated torques of the joints [n], N m or N; infinite if unknown.
     - `limited`: False if the arm may move beyond its position limits.
     - `jitter`: width of the delay's random variation [periods].
-    - `growth`: default of the largest growth of the estimator's bandwidth, as a factor.
+    - `growth`: default of the largest factor by which the estimator's bandwidth may grow; 1 for none.
     """
 
     period: float
@@ -236,7 +236,7 @@ else:
 
 
 class SampledDataDescription(AbstractDescription):
-    """The sampled-data form of a scheme; its defaults fit the sensor and the actuator."""
+    """The form of a scheme for a fixed sample time, with an estimator and limits; defaults fit sensor and actuator."""
 
     horizon: float | None = input_field(
         "H, planning horizon of a step, at least a period",
@@ -265,7 +265,7 @@ class SampledDataDescription(AbstractDescription):
         source="a fixed delay",
     )
     recovery: RecoveryDescription | None = RecoveryDescription()
-    """Recovery outside the envelope; null: return to the prescribed envelope."""
+    """Recovery outside the envelope, in a wider envelope that narrows into the prescribed one; null for none."""
     calm: CalmDescription | None = None
     """Calm steps: least torque changes while the error is well inside its envelope; true: the defaults, null: none."""
     monitor: MonitorDescription | None = None
@@ -273,10 +273,11 @@ class SampledDataDescription(AbstractDescription):
     gate: GateDescription = GateDescription()
     """Measurement gate, which rejects measurements that the arm cannot have produced."""
     slopes: bool = True
-    """True if the robust torque includes the slope part of tau1, as printed in (45)."""
+    """True to include in tau0 + tau1, from which the size u of the robust torque is computed, the acceleration that
+    keeps s constant, as in the paper's eq. (45); false leaves it out, so that u is smaller."""
     midpoint: bool = False
-    """True to evaluate the arm's model in the middle of the torque's period, and to predict by the planned
-    accelerations."""
+    """True to evaluate the arm's model in the middle of the period in which the torque acts, not at its start, and to
+    predict the state over the delay by the planned accelerations."""
     viscous_feedforward: bool = False
     """True to compensate the nominal arm's viscous friction at the reference's velocity."""
 
@@ -294,6 +295,8 @@ class SampledDataDescription(AbstractDescription):
 
     def build(self, law: AbstractController, sampling: Sampling) -> AbstractController:
         """Build the sampled-data form of a law.
+
+        - `law`: the law in continuous time, with its nominal arm.
 
         Raises DefinitionError if the law has no such form.
         """

@@ -72,7 +72,8 @@ class Scenario:
 
     - `name`, `robot`, `scheme`: names of the scenario, its robot and its scheme.
     - `description`: the validated content of the scenario file.
-    - `t1`, `stepping`, `log_every`: as in `simulate`.
+    - `plant`, `controller`, `trajectory`, `state0`: true arm with sensors and drives, law, motion, state at t = 0.
+    - `t1`: end of the run [s]. `stepping`: time steps, mode and engine. `log_every`: log interval in samples.
     - `tolerance`: tolerance band of a run, independent of the scheme's envelope; None for none.
     - `changed`: fields that `replace` changed; they may differ from `description`.
     """
@@ -172,7 +173,7 @@ class Scenario:
         """Simulate the scenario.
 
         - `log_every`: log interval in samples; None: no log; 0: the scenario's own interval.
-        - `throw`: raise OutcomeError on a bad outcome.
+        - `throw`: True to raise OutcomeError if the run leaves its envelope or becomes infinite.
         - `progress`: True for a progress bar on the terminal; None shows it for long runs.
 
         Raises DefinitionError if the parts do not fit each other.
@@ -196,7 +197,7 @@ class Scenario:
 
         - `define`: maps this scenario and the varied values of a run to the scenario of that run, by `replace`.
         - `varied`: a pytree of arrays; their first axis is the run.
-        - `log_every`, `threads`: as in `simulate_batch`.
+        - `log_every`: log interval in samples, None for no log. `threads`: CPU threads, None for one per core.
 
         Raises DefinitionError if the parts do not fit each other, or `define` changes `t1` or the stepping.
         """
@@ -206,7 +207,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class _PartsOfRun:
-    """Maps the varied values to the parts of a run; equal instances share compiled code."""
+    """Function from the varied values of a run to its `Parts`; equal instances share compiled code."""
 
     scenario: Scenario
     define: Callable[[Scenario, Any], Scenario]
@@ -281,7 +282,7 @@ class OpenLoop(NamedTuple):
     """The parts of a closed loop without its law.
 
     - `arms`: true and nominal arm.
-    - `drive`: description of the drives, with numbers in place of `robot`.
+    - `drive`: description of the drives; a torque or rate limit given as `robot` is replaced by the arm's own limit.
     - `plant`, `trajectory`, `state0`: as in `simulate`.
     """
 
@@ -323,9 +324,9 @@ class ScenarioDescription(AbstractDescription):
     """Tolerance band of a run, independent of the scheme's envelope; by default none."""
 
     truth: dict[str, Any] = Field(default={})
-    """True values by path, where they differ from the file; unknown to the law. A study writes them for each case."""
+    """Values of the simulated loop by dotted path that replace the file's; unknown to the law. Studies write them."""
     uncertainty: Uncertainty = Field(default={})
-    """Sets of uncertain values by path. Studies draw from them; a single run uses the file's own values."""
+    """Sets of uncertain values by dotted path. Studies draw from them; a single run uses the file's own values."""
 
     def build(self, name: str) -> Scenario:
         """Build the scenario. The law is built from the file's values and does not know those of `truth`.
@@ -401,7 +402,7 @@ class ScenarioDescription(AbstractDescription):
         return Timing(self.simulation.period, self.sensor.delay, self.actuator.dead_time)
 
     def moving(self) -> OpenLoop:
-        """Build all parts except the law.
+        """Build all parts of the closed loop except the law.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """
@@ -488,7 +489,7 @@ class ScenarioDescription(AbstractDescription):
 
 
 def with_scheme(name: str, scheme: Preset | type[AbstractController]) -> type[ScenarioDescription]:
-    """Return the class that describes scenarios with a scheme from outside slidax.
+    """Return a subclass of `ScenarioDescription` for scenarios with a scheme from outside slidax.
 
     - `name`: name of the scheme, `scheme.name` in the scenario.
     - `scheme`: a preset, or the class of a law with a nominal arm and numeric parameters.

@@ -85,7 +85,7 @@ COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
         parameter.name: "the arm, its drives and the stated mismatch" for parameter in parameters_of(UncertaintyBound)
     }
 }
-"""By class of a part: parameters that are computed if the file lacks them, each with the source of its value."""
+"""Parameters that are computed if the file lacks them, by class of their part, each with the source of its value."""
 
 
 def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None:
@@ -102,7 +102,7 @@ def _for_editors(schema: dict[str, Any], model: type[SchemeDescription]) -> None
 
 
 class SchemeDescription(PartDescription):
-    """The control scheme: its preset and the file's changes."""
+    """The control scheme: a preset law, and the parameters that the file changes."""
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
 
@@ -110,7 +110,7 @@ class SchemeDescription(PartDescription):
 
     name: Any
     sampled_data: SampledDataDescription | None = None
-    """The sampled-data form of the scheme; by default the printed law."""
+    """The form of the scheme for a fixed sample time; by default the law as its source prints it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -134,7 +134,10 @@ class SchemeDescription(PartDescription):
         return self
 
     def with_bound(self, find: Callable[[], dict[str, float]]) -> SchemeDescription:
-        """Return the scheme with all parameters of its bound; `find` computes those that the file lacks."""
+        """Return the scheme with a value for each parameter of its uncertainty bound.
+
+        - `find`: returns default values by parameter name, for those that the file lacks.
+        """
         bound = getattr(self, "bound", None)
         if not isinstance(bound, PartDescription) or bound.part is not UncertaintyBound:
             return self
@@ -146,7 +149,7 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def with_limit(self, torque: Array) -> SchemeDescription:
-        """Return the scheme. A PID without a limit for its integral gets the torque limits, if they are finite.
+        """Return the scheme; a PID without a limit of its integral part gets the torque limits, if they are finite.
 
         - `torque`: torque limits of the drives, a number or [n], N m or N.
         """
@@ -156,9 +159,9 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"limit": np.asarray(torque).tolist()})
 
     def build(self, **more: Any) -> AbstractController:
-        """Build the printed controller.
+        """Build the law in continuous time, as its source prints it.
 
-        - `more`: the `nominal` robot.
+        - `more`: `nominal`, the arm as the law knows it.
 
         Raises DefinitionError, with the path of the field, if a value is invalid.
         """
@@ -178,13 +181,20 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
 
 
 def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any]:
-    """Return a part's mapping, with the kind and values of the preset's part as defaults if the kinds agree."""
+    """Return the mapping of a part, completed by the kind and the values of the preset's part if the kinds agree.
+
+    - `part`: the preset's part.
+    - `value`: mapping of the part in the file.
+    """
     kind = kind_of(part.part)
     return {"kind": kind, **part.values, **value} if value.get("kind", kind) == kind else value
 
 
 def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme's mapping with each parameter moved below its part, and with current names for former ones."""
+    """Return a scheme's mapping with each parameter below its part, and with current names for former ones.
+
+    `{"k1": 0.3}` becomes `{"surface": {"k1": 0.3}}` if only the surface of the preset has a k1.
+    """
     preset = _preset_of(scheme)
     if preset is None:
         return scheme
@@ -207,18 +217,26 @@ def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme from `place_parameters` in which each part has a kind, by default the preset's."""
+    """Return a scheme's mapping in which each part has a `kind`, by default the preset's.
+
+    - `scheme`: result of `place_parameters`.
+    """
     parts = {name: part for name, part in _parts(_preset_of(scheme)).items() if isinstance(scheme.get(name), dict)}
     return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
 
 
 def current_path(path: list[str]) -> list[str]:
-    """Return a path, as a list of keys, with the current names of a bound's parameters."""
+    """Return a path in a scenario, as a list of keys, with the current name of a bound's parameter for a former one."""
     return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
 
 def owner_of(preset: Preset, name: str) -> str | None:
-    """Return the name of the part that has a parameter; None if the scheme itself, several parts or none have it."""
+    """Return the name of the preset's part that has a parameter, such as `surface`.
+
+    None if the scheme itself, several parts or no part have it.
+
+    - `name`: name of the parameter.
+    """
     own = {parameter.name for parameter in parameters_of(preset.law)}
     if name in own:
         return None
@@ -273,7 +291,10 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
 
 
 def described_scheme(name: str, preset: Preset) -> type[SchemeDescription]:
-    """Return the description of a preset, which files select by this name."""
+    """Return the pydantic model for a block `scheme` of a preset.
+
+    - `name`: the name by which files select the preset.
+    """
     fields: dict[str, Any] = {"name": (Literal[name], Field(description="Name of the scheme."))}
     for parameter in parameters_of(preset.law):
         if parameter.name == "nominal":
@@ -316,7 +337,7 @@ def _validated(value: Any, others: Callable[[Any], Any], info: Any) -> Any:
 
 
 SCHEMES = {name: described_scheme(name, preset) for name, preset in PRESETS.items()}
-"""Descriptions of the schemes by name."""
+"""Pydantic models of the schemes by name."""
 
 if TYPE_CHECKING:
     AnyScheme = SchemeDescription

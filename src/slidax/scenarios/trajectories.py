@@ -45,7 +45,11 @@ class TrajectoryPart(AbstractDescription):
 
 
 def robot_limits(described: TrajectoryPart, limits: JointLimits | None, *fields: str) -> dict[str, Any]:
-    """Return the robot's limits for the fields with the value `robot`.
+    """Return the robot's limits by field, for those fields whose value is `robot`.
+
+    - `described`: description of the trajectory.
+    - `limits`: limits of the robot; None if it has none.
+    - `fields`: names of the fields to check, which are also names of limits.
 
     Raises DefinitionError if the robot has no limits.
     """
@@ -144,7 +148,7 @@ AnyMove = Annotated[
 
 
 class ToolPathTrajectory(TrajectoryPart):
-    """A path of the tool, by inverse kinematics of the nominal arm."""
+    """A path of the tool, which the nominal arm's inverse kinematics turns into a joint trajectory."""
 
     kind: Literal["tool_path"]
     start: list[float] = input_field("posture in which the tool starts, one position per joint", "rad or m")
@@ -180,7 +184,10 @@ class ToolPathTrajectory(TrajectoryPart):
     begin: float = input_field("time at which the path begins", "s", ">= 0", default=0.0)
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:
-        """Build the joint trajectory of the nominal `robot`."""
+        """Build the joint trajectory by which the nominal arm `robot` follows the path.
+
+        - `limits`: limits of the robot, for `velocity: robot`; None if it has none.
+        """
         assert robot is not None
         pose = None
         if self.pose is not None:
@@ -194,7 +201,7 @@ class ToolPathTrajectory(TrajectoryPart):
     def _moves(self) -> list[AbstractMove]:
         sources = [name for name in ("moves", "file", "text") if getattr(self, name)]
         if len(sources) != 1:
-            raise DefinitionError("needs one of `moves`, `file` and `text`")
+            raise DefinitionError("needs exactly one of `moves`, `file` and `text`")
         if self.moves:
             return [move.build() for move in self.moves]
         with locate_errors(sources[0]):
@@ -244,7 +251,7 @@ class LimitedTrajectory(WaypointTrajectory):
 
 
 class QuinticTrajectory(LimitedTrajectory):
-    """The minimum-jerk motion through waypoints, without stops, as fast as limits allow."""
+    """The minimum-jerk motion through waypoints, without stops between them, as fast as limits allow."""
 
     kind: Literal["quintic"]
 
@@ -253,7 +260,7 @@ class QuinticTrajectory(LimitedTrajectory):
 
 
 class TrapezoidalTrajectory(LimitedTrajectory):
-    """The fastest motion from waypoint to waypoint, with a stop at each; an S-curve with a jerk limit."""
+    """The fastest motion from waypoint to waypoint, with a stop at each; with a jerk limit it is an S-curve."""
 
     kind: Literal["trapezoidal"]
 
@@ -358,6 +365,8 @@ class StreamedTrajectory(TableTrajectory):
     ) -> AbstractMotion:
         """Build the motion.
 
+        - `limits`: limits of the robot, defaults of `lower` and `upper`; None if it has none.
+        - `robot`: the nominal arm.
         - `period`: sample time of the law [s].
         - `torque_rate`: fastest change of the drives' torque, N m/s or N/s.
         """
@@ -422,8 +431,9 @@ else:
 def trajectory_of(
     described: Any, limits: JointLimits | None, robot: AbstractRobot, period: float, torque_rate: Any
 ) -> AbstractMotion:
-    """Build the trajectory of a `TrajectoryDescription`.
+    """Build the trajectory of a scenario.
 
+    - `described`: its description, a `TrajectoryDescription`.
     - `limits`: limits of the robot, for fields with the value `robot`; None if it has none.
     - `robot`: the nominal arm.
     - `period`: sample time of the law [s].
@@ -461,7 +471,8 @@ def motion_of_file(path: str | Path, robot: AbstractRobot, start: Sequence[float
 def warn_of_units(described: Any, trajectory: AbstractMotion, t1: float) -> None:
     """Warn if a motion from a file is so much longer than the run that its times may not be in seconds.
 
-    - `described`: a `TrajectoryDescription`; a unit of time in it suppresses the warning.
+    - `described`: the trajectory's description; a unit of time in it suppresses the warning.
+    - `trajectory`: the motion that is built from it.
     - `t1`: end of the run [s].
     """
     is_tool = isinstance(described, ToolPathTrajectory)

@@ -27,7 +27,7 @@ class Leaf:
     """A value of a scenario that a study can vary: a number or a list of numbers.
 
     - `path`: its dotted path.
-    - `own`: its value in the scenario; None without a value.
+    - `own`: its value in the scenario; None if the scenario has none.
     - `joints`: number of joints of the arm.
     - `per_joint`: True if the value may be a number for all joints, or a list with a number for each joint.
     - `one_of_joints`: True for a joint's entry in a list with an entry for each joint.
@@ -35,8 +35,8 @@ class Leaf:
     - `integer`: True for integers.
     - `unit`: its unit.
     - `ends`: numeric ends of its range.
-    - `envelope`: returns lower and upper positions [n] at the start; None if not needed.
-    - `arm`: returns the nominal arm; None if not needed.
+    - `envelope`: returns lower and upper start positions inside the envelope [n]; None unless the set needs them.
+    - `arm`: returns the nominal arm; None unless the set needs it.
     """
 
     path: str
@@ -63,12 +63,12 @@ class Leaf:
 
     @property
     def shape_of_each(self) -> tuple[int, ...]:
-        """Shape with a separate draw for each number."""
+        """Shape of the values if each number is drawn separately: [n] if one number stands for all joints."""
         return (self.joints,) if self.per_joint and self.shape == () else self.shape
 
     @property
     def size(self) -> int:
-        """Number of separate draws."""
+        """Number of draws if each number is drawn separately."""
         return int(np.prod(self.shape_of_each, dtype=int))
 
     def own_value(self, key: str) -> Array:
@@ -83,8 +83,9 @@ class Leaf:
         return self.own
 
     def fitting(self, value: Any, key: str) -> Array:
-        """Return a number or numbers of a set as an array of the leaf's shape.
+        """Return a number or numbers of a set as an array of the shape of the scenario's value.
 
+        - `value`: the number or numbers.
         - `key`: their key in the set, for the message.
 
         Raises DefinitionError if `value` has another shape, or is not finite.
@@ -99,7 +100,7 @@ class Leaf:
         return self.spread_out(array, False)
 
     def spread_out(self, value: Array, each: bool) -> Array:
-        """Broadcast a value to the leaf's shape or, if `each`, to the shape with a separate draw for each number."""
+        """Broadcast a value to `shape`, or to `shape_of_each` if each number is drawn separately (`each`)."""
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 
@@ -167,7 +168,10 @@ def _types(kind: Any) -> set[Any]:
 
 
 def with_values(description: Any, values: Mapping[str, Any]) -> Any:
-    """Return a description with new values by path, which may be traced and are not validated."""
+    """Return a copy of a scenario's description with new values by dotted path.
+
+    - `values`: values that are not validated, and that JAX may trace.
+    """
     for path, value in values.items():
         description = _with(description, path.split("."), value)
     return description

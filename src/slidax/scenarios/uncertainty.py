@@ -22,11 +22,14 @@ Distribution = Literal["uniform", "log_uniform", "triangular", "normal"]
 """`log_uniform`: uniform logarithm; `triangular`: peak in the middle; `normal`: truncated at both ends."""
 
 TAIL = 1e-16
-"""Smallest distance of a probability from 0 and 1, at which a normal distribution's quantile would be infinite."""
+"""Smallest distance of a probability from 0 and from 1, where a normal distribution's quantile is infinite."""
 
 
 class Cut(NamedTuple):
-    """Mean and standard deviation of a truncated normal distribution; by default the middle and 1/6 of the width."""
+    """Mean and standard deviation of a normal distribution that is truncated at the two ends of a set.
+
+    None: the middle between the ends, and 1/6 of their distance.
+    """
 
     mean: float | None = None
     deviation: float | None = None
@@ -34,6 +37,9 @@ class Cut(NamedTuple):
 
 def shares(u: Array, lower: Array, upper: Array, distribution: Distribution, cut: Cut) -> Array:
     """Return the quantiles of a distribution between two ends, at probabilities u in [0, 1).
+
+    - `lower`, `upper`: the ends; they broadcast with u.
+    - `cut`: mean and deviation of the distribution "normal"; not used for others.
 
     Raises DefinitionError if the distribution does not exist between these ends.
     """
@@ -73,26 +79,33 @@ EACH = "`joint` (or `entry`): a separate draw for each number; by default a sing
 
 
 class AbstractSet(AbstractDescription):
-    """Base class of sets of values; each set is the image of a unit cube."""
+    """Base class of sets of values for one path of a scenario.
+
+    A set maps points of a unit cube to values, so that random draws and grids need only points in [0, 1).
+    """
 
     each: Literal["joint", "entry"] | None = Field(default=None, description=EACH)
 
     def coordinates(self, leaf: Leaf) -> int:
-        """Return the dimension of the set's unit cube for a leaf."""
+        """Return the dimension of the unit cube that the set maps to values.
+
+        - `leaf`: the scenario's own value at the path of the set.
+        """
         return leaf.size if self.each else 1
 
     @property
     def example(self) -> Any:
-        """A value of the set that does not depend on the leaf; None if all values do."""
+        """A value of the set, for a scenario without a value at this path; None if the set depends on that value."""
         return None
 
     @abstractmethod
     def values(self, cube: Array, leaf: Leaf) -> Array:
-        """Return the values of a leaf at points of the unit cube, [rows, ...].
+        """Return the set's values at points of the unit cube, [rows, ...]: one value for each point.
 
         - `cube`: points [rows, coordinates], in [0, 1).
+        - `leaf`: the scenario's own value at the path of the set.
 
-        Raises DefinitionError if the set does not fit the leaf, or is empty.
+        Raises DefinitionError if the set does not fit this value, or is empty.
         """
 
     def _spread(self, cube: Array, leaf: Leaf) -> Array:
@@ -254,9 +267,12 @@ class InsideEnvelope(AbstractSet):
 class InertialBand(AbstractSet):
     """All arms in a band of inertial parameters around the nominal arm; its only path is `robot.plant.inertial`.
 
-    Without `deviations`: `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia J of each body, which includes a
-    permanent payload, and rotor inertias within a share p. With `deviations`, as `slidax identify` writes them: all
-    `φ0 + ξ D` with `|ξ| <= 1` whose mass matrix is within `(1 ± p) M0(q)` for every q.
+    J0, φ0 and M0 are of the nominal arm: a body's pseudo-inertia (with a permanent payload), all inertial parameters,
+    and the mass matrix.
+
+    - Without `deviations`: `(1 - p) J0 <= J <= (1 + p) J0` for each body, and rotor inertias within a share p.
+    - With `deviations`, as `slidax identify` writes them: all `φ0 + ξ D` with `|ξ| <= 1` whose mass matrix is between
+      `(1 - p) M0(q)` and `(1 + p) M0(q)` for every q.
     """
 
     band: float = input_field("p, the relative half width of the band", "", "[0, 1)")
@@ -285,7 +301,7 @@ class InertialBand(AbstractSet):
 
 
 INERTIAL_PATH = "robot.plant.inertial"
-"""Path of an inertial band."""
+"""Only path that an `InertialBand` may have."""
 
 
 KINDS: dict[str, type[AbstractSet]] = {
@@ -362,4 +378,4 @@ if TYPE_CHECKING:
     Uncertainty = dict[str, AbstractSet]
 else:
     Uncertainty = Annotated[dict[str, AnySet], BeforeValidator(_with_file)]
-"""Sets by path; the key `file` names a file with more sets."""
+"""Sets by dotted path of the scenario; the key `file` names a file with more sets."""

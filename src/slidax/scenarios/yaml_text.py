@@ -24,7 +24,7 @@ MOST_CHARACTERS = 250_000
 """Largest number of characters in a YAML text. The parser takes ten seconds for the densest text of this length."""
 
 MOST_VALUES = 250_000
-"""Largest number of values with all aliases expanded; without a limit, a few lines could exhaust the memory."""
+"""Largest number of values with all aliases expanded: without this limit a few lines could exhaust the memory."""
 
 DEEPEST = 50
 """Largest depth of nested lists and mappings."""
@@ -101,11 +101,11 @@ def _size(value: Any, known: dict[int, int], inside: set[int], left: int) -> int
 
 
 def _too_deep() -> DefinitionError:
-    return DefinitionError(f"the YAML has more than {DEEPEST} levels of lists and mappings")
+    return DefinitionError(f"the YAML has more than {DEEPEST} levels of lists and mappings: nest them less")
 
 
 def as_yaml(description: AbstractDescription) -> str:
-    """Return the description of a scenario or a study as YAML that can be read again, with its default values."""
+    """Return the description of a scenario or a study as YAML that can be read again, with all default values."""
     return dump_yaml(_shown(description))
 
 
@@ -172,7 +172,10 @@ LIMITS = {
 
 
 def validation_error(error: ValidationError, data: Any) -> DefinitionError:
-    """Return the first of pydantic's errors about the data as a plain sentence."""
+    """Return pydantic's first error as a DefinitionError, with a plain sentence and the path of the field.
+
+    - `data`: the validated mapping.
+    """
     mistakes = error.errors(include_url=False)
     first = mistakes[0]
     where = _path(first, data)

@@ -131,7 +131,8 @@ def require_fitting(
 
 
 SLOW_ENOUGH = 1.0
-"""Largest ω h of an elastic joint, with step h. The step is stable up to 2; at 1 the frequency is 5 % too high."""
+"""Largest ω h of an elastic joint: ω is its angular frequency, h the step. The integrator is stable up to 2; at 1 the
+simulated frequency is 5 % too high."""
 
 
 def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: Stepping) -> None:
@@ -195,7 +196,7 @@ def _steps(t1: float, period: float) -> int:
 def require_start(loop: ClosedLoop, state0: State, envelope: Envelope | None, reference: Reference, held: Any) -> None:
     """Raise a DefinitionError if the initial error is not inside its bounds, or the actuator cannot hold the arm.
 
-    - `envelope`, `reference`: the scheme's envelope, or None, and the reference at t = 0.
+    - `envelope`, `reference`: the control law's envelope, None without one, and the reference, both at t = 0.
     - `held`: torque that holds the arm at `state0` [n], N m or N; None without an actuator.
     """
     names = [joint_label(name) for name in loop.plant.robot.joint_names]
@@ -245,7 +246,7 @@ SMALL = 200_000
 
 
 def require_log_fits(loop: ClosedLoop, state0: State, rows: int) -> None:
-    """Raise a DefinitionError if a log with this number of rows would be too large."""
+    """Raise a DefinitionError if a log with this number of rows would exceed `MOST_BYTES`."""
     if rows <= SMALL:
         return
     with located_tracing_errors():

@@ -141,6 +141,7 @@ PATIENCE = 2.0
 class Progress:
     """Count finished pieces of work, and draw a progress bar if all of them are expected to take long.
 
+    - `total`: number of all pieces.
     - `shown`: True draws from the start, False never, None for long work if standard error is a terminal.
     """
 

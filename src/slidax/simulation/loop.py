@@ -28,7 +28,7 @@ Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
 
 
 class ClosedLoop(eqx.Module):
-    """The constant parts of a closed loop.
+    """The constant parts of a closed loop, as opposed to its `Carry`.
 
     - `period`: time between samples [s].
     - `last`: number of the last sample, N.
@@ -54,7 +54,7 @@ class ClosedLoop(eqx.Module):
 
 
 class Carry(eqx.Module):
-    """The changing parts of a closed loop.
+    """The changing parts of a closed loop, which each sample reads and replaces.
 
     - `k`: number of the next sample.
     - `state`: the true state at this sample.
@@ -107,6 +107,7 @@ def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory:
     """Evaluate the law on the measured state, and check the true state for a fault.
 
     - `state`, `measured`: the true state, and the state that the controller sees.
+    - `memory`: the controller's memory.
     - `ahead`: time of the next sample [s].
     """
     reference = loop.trajectory.reference(t)
@@ -119,8 +120,9 @@ def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory:
 def checked_evaluation(
     loop: ClosedLoop, t: Scalar, state: State, memory: Memory, reference: Reference, command: Command
 ) -> Evaluation:
-    """Return the evaluation for a command of the law, with the envelope and the fault at the true state.
+    """Return the `Evaluation` for a command of the law, with the envelope, and a fault if the true state has one.
 
+    - `state`: the true state.
     - `memory`: the controller's memory before the command.
     """
     envelope = loop.controller.envelope(t, memory)
@@ -143,7 +145,7 @@ class HeldTorque(eqx.Module):
 def evaluate_sample(loop: ClosedLoop, carry: Carry, t: Scalar) -> tuple[Evaluation, Memories, HeldTorque]:
     """Evaluate the law once on the measurement; return the evaluation, the new memories and the torque of the period.
 
-    A controller memory with a rate advances by Euler's rule.
+    If the law returns a rate of its memory, the memory advances by Euler's rule.
     """
     plant, period = loop.plant, loop.period
     sensed = _sensed(plant, carry.state, carry.transmission)
@@ -228,8 +230,10 @@ def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, "
 
     For a simulator other than slidax's own plant, such as MuJoCo; the times are exactly those of the own plant.
 
+    - `held`: torque command of the sample.
     - `k`: number of the sample.
     - `i`: number of the substep after it, from 0.
+    - `state`: the true state at the start of the substep, on which the disturbance may depend.
     """
     t = k.astype(float) * loop.period
     time = t + i.astype(float) * (loop.period / loop.substeps)
@@ -237,9 +241,9 @@ def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, "
 
 
 class PlantState(eqx.Module):
-    """State of the integrator in continuous mode: the arm's state, and the controller's memory if it has a rate.
+    """State of the integrator in continuous mode: the arm's state, and the controller's memory.
 
-    Otherwise `memory` is None.
+    `memory` is None if the law returns no rate of it, so that it is not integrated.
     """
 
     q: Vector
@@ -248,7 +252,10 @@ class PlantState(eqx.Module):
 
 
 def begin(loop: ClosedLoop, state: State) -> LoopStart:
-    """Return the carry before the first sample, with the envelope, the reference and the holding torque at t = 0."""
+    """Return the carry before the first sample, with the envelope, the reference and the holding torque at t = 0.
+
+    - `state`: the true state at t = 0.
+    """
     t = jnp.zeros(())
     reference = loop.trajectory.reference(t)
     plant, period = loop.plant, loop.period
@@ -288,7 +295,7 @@ def begin(loop: ClosedLoop, state: State) -> LoopStart:
 
 
 def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
-    """Evaluate the law, count the sample, and move the plant by one period, unless the run is over.
+    """Evaluate the law, add the sample to the statistics, and move the plant by one period, unless the run is over.
 
     Returns the carry of the next sample, and the log of this one.
     """
@@ -302,7 +309,7 @@ def sample(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log]:
 
 
 def decide(loop: ClosedLoop, carry: Carry) -> tuple[Carry, Log, HeldTorque]:
-    """Evaluate the law in held mode and count the sample; MuJoCo then moves the carry's state.
+    """Evaluate the law in held mode and add the sample to the statistics; MuJoCo then moves the carry's state.
 
     Returns the carry with an unchanged state, the sample's log, and the torque of the period.
     """

@@ -29,10 +29,11 @@ from .run import Log, RunTiming
 
 
 class BoundKernel:
-    """A kernel of one run, bound to arrays that each call reads and writes in place.
+    """A compiled function for one run, bound to arrays that each call reads and writes in place.
 
     A call costs less than 1 µs; passing the arrays at each call would cost 20 µs.
 
+    - `kernel`: the compiled function.
     - `inputs`, `outputs`: contiguous arrays in the kernel's order; an output must not also be an input.
     """
 
@@ -52,16 +53,16 @@ class BoundKernel:
         self._run(self._address, 1, 0)
 
     def shift(self, outputs: slice, by: np.ndarray) -> None:
-        """Advance the addresses of some outputs, each by its number of bytes."""
+        """Advance the addresses of the selected outputs; `by` has the number of bytes for each."""
         self._table[self._inputs :][outputs] += by
 
 
 class NativeSteps:
     """The closed loop without the plant, as machine code.
 
-    - `state`: state at t = 0.
+    - `state`: the arm's state at t = 0.
     - `world`: the arm in MuJoCo; its arrays are read and written in place.
-    - `rows`: number of logged samples.
+    - `rows`: number of samples in the log of a complete run.
 
     Raises NoNativeCodeError if a part of the loop has no machine code.
     """
@@ -300,9 +301,11 @@ CHUNK = 1_000
 
 
 def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
-    """Run a loop in held mode with MuJoCo in place of slidax's own plant.
+    """Run a loop in held mode: an engine evaluates the law, and MuJoCo moves the arm instead of slidax's own plant.
 
-    - `engine`: name of the engine that evaluates the law.
+    - `plant`: the arm and its surroundings.
+    - `engine`: requested name of the engine that evaluates the law, such as `auto`.
+    - `request`: the loop, with `plant.with_friction` as its plant.
 
     Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
     part of the law has no machine code.

@@ -217,6 +217,7 @@ class World:
     or a separate body. This is exact. MuJoCo's weld constraints could be switched within one model, but they are
     compliant and add six unknown forces to each step.
 
+    - `plant`: the arm, its payload and its surroundings.
     - `timestep`: MuJoCo's step [s].
     - `state`: the arm's state at t = 0.
     """

@@ -26,7 +26,7 @@ CHUNK = 1_000_000
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks, to update the progress bar in between."""
+    """Run the requested loop as machine code, in chunks, to update the progress bar in between."""
     samples, every = request.samples, request.log_every
     arrays, static = eqx.partition((request.loop, request.state0), eqx.is_array)
     native, code = _compiled(LoopSignature.of(arrays, static, every is not None))
@@ -73,7 +73,7 @@ def drive_batch(
 ) -> tuple[Any, Log | None]:
     """Run many loops; return their `LoopStart` and log, in which every array has the run as its first axis.
 
-    - `key`: equal for equal loops, so that each is compiled once.
+    - `key`: key of the compiled code; equal keys stand for equal loops, which are compiled only once.
     - `define`: maps one run's varied values to the loop and the state at t = 0.
     - `shapes`: shapes of one run's varied values.
     - `varied`: the varied values as arrays with the run as their first axis.
@@ -93,12 +93,13 @@ def drive_batch(
 
 
 def drive_duals(key: Hashable, define: Define, at: Any, directions: Any, samples: int, every: int | None) -> Any:
-    """Run one loop and its derivatives in many directions; return values and tangents with the direction as first axis.
+    """Run one loop with its derivatives in many directions; return its `LoopStart` and its log.
 
-    Values that do not depend on the direction are computed once for several directions. Arguments as in `drive_batch`.
+    The carry and the log are `Dual`s; every array has the direction as its first axis. Values that do not depend on the
+    direction are computed once for several directions. Other arguments as in `drive_batch`.
 
-    - `at`: the varied values.
-    - `directions`: trees like `at` with the direction as their first axis.
+    - `at`: the run's varied values.
+    - `directions`: tree like `at`, in which every array has the direction as its first axis.
 
     Raises NoNativeCodeError if a part of the loop has no machine code.
     """

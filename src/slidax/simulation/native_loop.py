@@ -44,12 +44,20 @@ class NativeLoop:
 
 
 def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the loop of one run: `steps` samples from t = 0 if `fresh`, else from a carry. A fault ends the loop."""
+    """Return the program of one run, which ends after `steps` samples or at a fault.
+
+    - `define`: maps arrays to a loop and the state at t = 0.
+    - `arrays`: shapes of these arrays.
+    - `logged`: True to log every `every`-th sample.
+    """
     return lower_loop(*_parts(define), arrays, logged=logged, batch=False)
 
 
 def batch_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the loop of a batch's runs; a run that has ended keeps its state until all runs have ended."""
+    """Return the program of a batch; a run that has ended keeps its state until all runs have ended.
+
+    - `define`, `arrays`, `logged`: as in `single_loop`, with the shapes of one run's arrays.
+    """
     return lower_loop(*_parts(define), arrays, logged=logged, batch=True)
 
 
@@ -224,7 +232,7 @@ def _shape(x: Any) -> jax.ShapeDtypeStruct:
 
 
 class Dual(eqx.Module):
-    """A tree, and the derivatives of its floating-point arrays (None elsewhere)."""
+    """A tree, and its derivative in one direction: a tree like it, with None where it has no floating-point array."""
 
     value: Any
     tangent: Any
@@ -235,9 +243,12 @@ class Dual(eqx.Module):
 
 
 def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return two functions of `(at, direction)`: the start of a loop and one sample of it, both with derivatives.
+    """Return the functions `begin` and `sample` of a loop with forward-mode derivatives, for a pair `(at, direction)`.
 
-    - `define`: maps arrays to a loop and the state at t = 0.
+    The first maps the pair to a `LoopStart` whose carry is a `Dual`. The second maps the pair and that carry to the
+    next carry and the sample's log, both `Dual`s.
+
+    - `define`: maps the arrays `at` to a loop and the state at t = 0.
     """
 
     def begin_dual(point: tuple[Any, Any]) -> tuple[Dual, Any, Any, Any]:
@@ -258,9 +269,9 @@ def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[.
 
 
 def jvp(function: Callable[[Any], Any], at: Any, direction: Any) -> tuple[Any, Any]:
-    """Return `f(x)` and `f'(x) v` for a function of one tree, of which only floating-point arrays have derivatives.
+    """Return `f(x)` and `f'(x) v` for a function f of one tree, of which only floating-point arrays have derivatives.
 
-    - `direction`: v, None where x has no derivative.
+    - `at`, `direction`: the trees x and v; v has None where x has no floating-point array.
     """
     floats, rest = eqx.partition(at, eqx.is_inexact_array)
     leaves, tree = jax.tree.flatten(floats)

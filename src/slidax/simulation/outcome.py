@@ -16,7 +16,7 @@ from slidax.core.types import Envelope, Scalar, Vector
 
 
 class Excursion(eqx.Module):
-    """Samples at or outside the bounds, as arrays.
+    """Statistics of a run's samples at or outside the envelope's bounds, as arrays.
 
     - `first`, `last`: numbers of the first and the last sample outside; -1 if there is none.
     - `joint`: joint farthest outside at the first sample outside, counted from 0.
@@ -48,7 +48,7 @@ class Excursion(eqx.Module):
         )
 
     def add(self, k: Int[Array, ""], e: Vector, envelope: Envelope) -> Excursion:
-        """Add sample k with error e [n], rad or m."""
+        """Return the excursion with sample k, which has the error e [n], rad or m."""
         over = jnp.maximum(e - envelope.upper, envelope.lower - e)
         outside = jnp.any(over >= 0)
         joint = jnp.argmax(over)

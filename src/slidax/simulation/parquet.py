@@ -150,7 +150,7 @@ def require_numbers(
     - `file`: a `ParquetFile` of pyarrow.
     - `name`: the file's name, for messages.
     - `columns`: names of the needed columns.
-    - `sizes`: list lengths of the columns with lists.
+    - `sizes`: length of the lists in each column with lists, by the column's name.
     - `most`: largest number of numbers to read; `MOST_NUMBERS` by default.
     """
     most = MOST_NUMBERS if most is None else most
@@ -164,8 +164,8 @@ def require_numbers(
             )
     if rows * sum(max(sizes.get(title, 1), 1) for title in columns) > most:
         raise DefinitionError(
-            f"{name} it has {rows} rows, of which {len(columns)} columns are needed: at most {most:.0e} numbers are "
-            "read; write a part of it, or every second row"
+            f"{name} it has {rows} rows in {len(columns)} needed columns, but at most {most:.0e} numbers are read: "
+            "write a part of it, or every second row"
         )
 
 
@@ -205,5 +205,5 @@ def element(column: Any, index: int) -> Any:
         return pc.list_element(column, index)
     except pa.ArrowInvalid:
         raise DefinitionError(
-            f"the lists in a column have different lengths: entry {index} is missing in one"
+            f"the lists in a column have different lengths: one has no entry {index}; write lists of equal length"
         ) from None

@@ -24,7 +24,7 @@ from slidax.plant.transmissions import Load, Transmission, TransmissionState
 
 
 class Plant(AbstractPart):
-    """The true robot, with disturbances that no controller knows, eq. (10)."""
+    """The true robot, with disturbances that no controller knows, eq. (10) of the paper."""
 
     robot: AbstractRobot = piece("the true arm, with M, C, G, F")
     disturbance: AbstractDisturbance = piece("disturbance τ_d")
@@ -46,7 +46,7 @@ class Plant(AbstractPart):
         sensor: AbstractSensor | None = None,
         actuator: Actuator | None = None,
     ) -> Plant:
-        """Return the plant whose true arm is the nominal arm with a mismatch, with the mismatch's payload.
+        """Return the plant whose true arm is the nominal arm changed by a mismatch, with the mismatch's payload.
 
         Raises DefinitionError if the mismatch does not fit the arm.
         """
@@ -65,7 +65,8 @@ class Plant(AbstractPart):
     ) -> tuple[State, TransmissionState]:
         """Return the states of arm and transmission one step after t [s].
 
-        - `own`: state of the transmission, which the plant must have.
+        - `state`: state of the arm at t.
+        - `own`: state of the transmission at t; the plant must have a transmission.
         - `tau`: torque of the drives [n], N m or N.
         - `h`: step [s].
         """
@@ -140,7 +141,7 @@ class MujocoPlant(AbstractPart):
         dry: bool = False,
         stops: bool = False,
     ) -> MujocoPlant:
-        """Return the plant with its robot moved by MuJoCo.
+        """Return the plant with its robot moved by MuJoCo; the other arguments are fields of `MujocoPlant`.
 
         Raises DefinitionError if the robot is not an `Articulated` arm, or the plant has a transmission.
         """

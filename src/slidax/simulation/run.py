@@ -27,7 +27,7 @@ PER = {"q": "", "dq": "/s", "q_d": "", "dq_d": "/s", "ddq_d": "/s²", "e": "", "
 def columns_of(run: Run, labels: Sequence[str]) -> dict[str, tuple[np.ndarray, str]]:
     """Return the columns of a single run's log by name, each with its unit: sample, time, state, reference, error, ...
 
-    - `labels`: suffix of a quantity's name for each joint.
+    - `labels`: suffix of the column names for each joint, such as `_1` for `q_1`.
 
     Raises DefinitionError for a run without a log, and for a batch.
     """
@@ -75,6 +75,9 @@ KINDS = ("pandas", "polars")
 
 def data_frame(columns: Mapping[str, Any], kind: Kind = "pandas", units: Mapping[str, str] | None = None) -> Any:
     """Return a data frame from columns of equal length. pandas keeps the units in `attrs`; polars drops them.
+
+    - `columns`, `units`: values and units by the column's name.
+    - `kind`: library of the data frame.
 
     Raises DefinitionError if the library is unknown or not installed.
     """
@@ -353,7 +356,7 @@ def heading(run: Run) -> str:
 
 
 def remarks(run: Run) -> list[str]:
-    """Return sentences on bad outcomes, violations and computing time."""
+    """Return sentences on at most three bad outcomes, on samples outside the bounds, and on the computing time."""
     remarks = [outcome.message for outcome in run.outcomes if not outcome.ok][:3]
     if run.has_envelope:
         outside, samples = int(np.sum(run.tally.violations)), int(np.sum(run.tally.samples))

@@ -217,7 +217,10 @@ class BatchRequest:
         return samples, joints
 
     def clock(self, samples: int) -> tuple[Windows, np.ndarray, np.ndarray]:
-        """Return the statistics' windows, the period [s] and the end [s] of each run."""
+        """Return the statistics' windows, the period [s] and the end [s], which all runs share.
+
+        - `samples`: number of samples of each run.
+        """
         period = self.stepping.period
         return windows_of(samples - 1, period, self.bands), np.asarray(period, float), np.asarray(self.t1, float)
 
@@ -227,8 +230,9 @@ def run_of(
 ) -> Run:
     """Return a run from the results of the native engine.
 
-    - `carry`: tally, fault, excursion, last good state.
-    - `clock`, `joints`: as in `BatchRequest`.
+    - `carry`: tally, fault, excursion and last state without a fault, as from `results_of`.
+    - `clock`: windows of the statistics, period and end, as from `BatchRequest.clock`.
+    - `joints`: units and names of the joints.
     """
     tally, fault, excursion, state = carry
     windows, period, t1 = clock
@@ -249,7 +253,7 @@ def run_of(
 
 
 def results_of(carry: Any) -> tuple[Any, ...]:
-    """Return the part of a carry that `run_of` takes."""
+    """Return a carry's tally, fault, excursion and last state without a fault, for `run_of`."""
     return carry.tally, carry.fault, carry.excursion, carry.good
 
 

@@ -31,7 +31,7 @@ Numbers = NDArray[np.float64]
 
 
 class States(NamedTuple):
-    """Quantities of a robot at k states.
+    """Mass matrix, forces, tip and joint frames of a robot at k states.
 
     - `mass`: M(q) [k n n], kg m², kg m, kg.
     - `bias`: `C(q,q̇) q̇ + G(q)` [k n], N m or N.
@@ -54,7 +54,7 @@ class States(NamedTuple):
 
 
 def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> States:
-    """Return a robot's quantities at k states.
+    """Return a robot's mass matrix, forces, tip and joint frames at k states.
 
     - `q`, `dq`: positions and velocities [k n]; velocities are 0 by default.
 

@@ -18,7 +18,7 @@ from .loop import Integrator
 
 def _known_period(period: Any) -> float:
     if is_traced(period):
-        raise DefinitionError("`period` sets the number of samples, so it must be a known number")
+        raise DefinitionError("`period` sets the number of samples: it must be a number, not traced by `jit` or `vmap`")
     return float(period)
 
 
@@ -73,7 +73,7 @@ class Stepping(AbstractPart):
 
     @staticmethod
     def of(stepping: Stepping | None, changes: Mapping[str, Any]) -> Stepping:
-        """Return `stepping` with some fields replaced, or a new `Stepping` of these fields if it is None.
+        """Return `stepping` with some fields replaced, or a new `Stepping` from the fields if `stepping` is None.
 
         - `changes`: values of the fields by name.
 

@@ -34,7 +34,7 @@ class ErrorTally(eqx.Module):
         return ErrorTally(error=zero, steady=zero, square=zero)
 
     def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> ErrorTally:
-        """Return the tally with another sample if `running`; the sample is in the last quarter if `steady`."""
+        """Return the tally with a sample of the error's size if `running`; it is in the last quarter if `steady`."""
         return ErrorTally(
             error=jnp.where(running, jnp.maximum(self.error, size), self.error),
             steady=jnp.where(steady, jnp.maximum(self.steady, size), self.steady),
@@ -86,9 +86,9 @@ def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Sc
 
 
 class ToleranceTally(eqx.Module):
-    """Margin to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12). Its sides (13) follow from the true initial error.
+    """Margin of the error e to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12) of the paper.
 
-    - `sides`: b and b̄ [n].
+    - `sides`: the factors b and b̄ [n], which follow from the true initial error by eq. (13) of the paper.
     - `outside`: number of samples with a joint at or outside its bounds, [].
     - `margin`: min over time of the distance to the nearer bound, divided by the band's width [n]; below 0 outside.
     """
@@ -99,7 +99,11 @@ class ToleranceTally(eqx.Module):
 
     @staticmethod
     def begin(tolerance: PrescribedPerformance, e: Vector) -> ToleranceTally:
-        """Return the tally before the first sample, for an error e at t = 0 [n], rad or m."""
+        """Return the tally before the first sample.
+
+        - `tolerance`: the tolerance band.
+        - `e`: true error at t = 0 [n], rad or m.
+        """
         sides = tolerance.init(jnp.zeros(()), e)
         return ToleranceTally(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
 
@@ -117,7 +121,7 @@ class ToleranceTally(eqx.Module):
 
 
 class MonitorTally(eqx.Module):
-    """Margin of the law's monitor over all samples.
+    """Margin to the limits of the guarantee's assumptions, as the law's monitor reports it; negative beyond them.
 
     - `margin`: minimum, []; inf before the first sample.
     - `warned`: number of the first sample with a negative margin, []; -1 without one.
@@ -144,7 +148,7 @@ class Windows(eqx.Module):
     """Time windows of the statistics, by their first samples, and the settling bands.
 
     - `steady`: first sample of the last quarter of the run.
-    - `late`: first sample after 2 s, as in eq. (80).
+    - `late`: first sample after 2 s, as in eq. (80) of the paper.
     - `bands`: error bands for the settling time, [k], rad or m.
     """
 
@@ -208,7 +212,12 @@ class Tally(eqx.Module):
         tool: ToolTally | None = None,
         gated: bool = False,
     ) -> Tally:
-        """Return the tally before the first sample; `joints` and `bands` are numbers of joints and settling bands."""
+        """Return the tally before the first sample.
+
+        - `joints`, `bands`: numbers of joints and of settling bands.
+        - `tolerance`, `promise`, `tool`: fields of the tally.
+        - `gated`: True if the law has a gate that can reject measurements.
+        """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
         return Tally(
@@ -273,19 +282,19 @@ class Tally(eqx.Module):
         )
 
     def with_tolerance(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
-        """Return the tally with a sample's margin to the tolerance band, also where the law is undefined."""
+        """Return the tally with the error e [n], rad or m, at t [s] compared with the tolerance band, if `running`."""
         if self.tolerance is None:
             return self
         return eqx.tree_at(lambda tally: tally.tolerance, self, self.tolerance.add(tolerance, t, e, running))
 
     def with_margin(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """Add the monitor's margin at sample k."""
+        """Return the tally with the monitor's margin at sample k, from the law's `signals`, if `running`."""
         if self.promise is None:
             return self
         return eqx.tree_at(lambda tally: tally.promise, self, self.promise.add(k, signals["margin"], running))
 
     def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """Return the tally with another decision of the law's gate: a rejected measurement, or none."""
+        """Return the tally with the decision of the law's gate, from its `signals`: a rejected measurement, or none."""
         if self.rejected is None:
             return self
         rejected = running & (signals["rejected"] > 0.0)

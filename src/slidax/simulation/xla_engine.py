@@ -26,6 +26,8 @@ _begin = eqx.filter_jit(begin)
 def advance(loop: ClosedLoop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
     """Return the carry after `points * (every or 1)` samples, and the log of every `every`-th sample.
 
+    - `points`: number of rows in the log; without a log, the number of samples.
+    - `every`: n to log every n-th sample; None for no log.
     - `pack`: True to pass the loop's arrays as one: faster for a single run, but the runs of a batch share nothing.
     """
     arrays, rest = eqx.partition(loop, eqx.is_inexact_array)
@@ -53,7 +55,7 @@ _advance: Any = eqx.filter_jit(advance)
 
 
 def drive(request: RunRequest) -> EngineResult:
-    """Run the loop in chunks, to update the progress bar in between; equal sizes need only one compilation."""
+    """Run the requested loop by XLA, in chunks of equal size, to update the progress bar in between."""
     loop, samples, every = request.loop, request.samples, request.log_every
     start: LoopStart = _begin(loop, request.state0)
     require_start(loop, request.state0, *start[1:])

@@ -1,4 +1,7 @@
-"""Runs and derivatives of a scenario for other parameter values, by path, such as `scheme.surface.k1`."""
+"""Runs of a scenario with other parameter values, and derivatives of its metrics.
+
+Parameters are named by their dotted path in the scenario, such as `scheme.surface.k1`.
+"""
 
 from __future__ import annotations
 
@@ -23,19 +26,19 @@ from slidax.simulation.simulate import Parts, value_and_gradient
 from .cases import Cases
 
 DIFFERENTIABLE = {item.key: item for item in (*METRICS, *TOLERANCE_METRICS, *TOOL_METRICS) if not item.counts}
-"""Metrics with a derivative, by name."""
+"""Metrics that `grad` can differentiate, by key: all except those that count samples."""
 
 
 def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | None = None) -> Run:
-    """Simulate the scenario for each of many values by path, as one `Run`.
+    """Simulate a scenario once for each set of parameter values, and return all runs as one batched `Run`.
 
         runs = scenario.sweep({"scheme.surface.k1": [0.1, 0.2, 0.4]})
 
-    - `values`: values by path; the first axis is the run, with the same length for all paths.
-    - `log_every`: log one in so many samples; None logs none.
+    - `values`: an array for each dotted path of a parameter, whose first axis is the run; all have the same length.
+    - `log_every`: n to log every n-th sample; None for no log.
 
-    Raises DefinitionError if a path does not exist, a value is out of its range, or a value cannot vary within the
-    compiled loop.
+    Raises DefinitionError if a path does not exist, a value is out of its range, or a parameter is compiled into the
+    simulation loop and so cannot vary between the runs, such as the period.
     """
     arrays = {path: np.asarray(array) for path, array in values.items()}
     counts = {path: len(array) if array.ndim else 0 for path, array in arrays.items()}
@@ -54,16 +57,19 @@ def grad(
 
         error, slope = scenario.grad("steady_error", "scheme.surface.k1")
 
-    - `metric`: name of a metric, a metric, or a function from a run to numbers, of which the largest counts.
-    - `path`: path of a parameter, or several paths; the derivatives of several are a mapping by path.
+    - `metric`: key of a metric, a metric, or a function that maps a run to a number or an array, whose largest entry is
+      differentiated.
+    - `path`: dotted path of a parameter, or a list of paths; for a list the derivatives are a mapping by path.
 
     Raises DefinitionError if the metric has no derivative, a path does not exist, or the parameter is compiled into the
-    loop.
+    simulation loop, such as the period.
     """
     paths = [path] if isinstance(path, str) else list(path)
     if isinstance(metric, str):
         if metric not in DIFFERENTIABLE:
-            raise DefinitionError(f"no metric with a derivative `{metric}`; {nearest_word(metric, DIFFERENTIABLE)}")
+            raise DefinitionError(
+                f"there is no metric with a derivative `{metric}`; {nearest_word(metric, DIFFERENTIABLE)}"
+            )
         metric = DIFFERENTIABLE[metric]
     measured = metric
     _require_unchanged(scenario)
@@ -73,11 +79,14 @@ def grad(
     varies = family.traceable(templates, {full: value[None] for full, value in at.items()})
     fixed = [full for full in at if not varies[full]]
     if fixed:
-        raise DefinitionError(f"`{fixed[0]}` is compiled into the loop: no metric has a derivative with respect to it")
+        raise DefinitionError(
+            f"`{fixed[0]}` is compiled into the simulation loop: no metric has a derivative with respect to it"
+        )
 
     def worst(run: Run) -> Any:
-        result = measured(run)
-        return jnp.max(jnp.asarray(result))
+        result = jnp.asarray(measured(run))
+        larger_is_better = isinstance(measured, Metric) and not measured.least_is_best
+        return jnp.min(result) if larger_is_better else jnp.max(result)
 
     def parts(varied: Any) -> Parts:
         # Numbers that do not depend on the values are computed, and checked, during the trace.
@@ -102,7 +111,7 @@ TRUE = ("start", "disturbance")
 
 
 def _family(scenario: Scenario, choices: Mapping[str, list[Any]]) -> Family:
-    """Return the family of scenarios with these values, sorted: a family checks only the ends of a choice."""
+    """Return the family of scenarios with these choices by path, sorted: a family checks only the ends of a choice."""
     sets: dict[bool, dict[str, AbstractSet]] = {True: {}, False: {}}
     for path, choice in choices.items():
         ordered = sorted(choice, key=lambda value: np.ravel(value).tolist())
@@ -111,7 +120,7 @@ def _family(scenario: Scenario, choices: Mapping[str, list[Any]]) -> Family:
 
 
 def _by_full_path(family: Family, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return the arrays by full path; the family completes short paths."""
+    """Return the arrays by the family's full paths; the paths in `arrays` may be shortened."""
     true = [path for path in arrays if path.split(".")[0] in TRUE]
     places = dict(zip(true, family.uncertain.sets, strict=True))
     places |= dict(zip((path for path in arrays if path not in true), family.varied.sets, strict=True))

@@ -1,4 +1,8 @@
-"""Cases of a family of scenarios: random points, simulation in batches, and a row for each case."""
+"""Cases of a study: random points of the unit cube, simulation in batches, and a table row for each case.
+
+A family is a scenario with a set of values for each path that is uncertain or varied. A case is one scenario of the
+family, with one value from each set.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +31,10 @@ from slidax.simulation.run import Run
 from slidax.simulation.simulate import Parts, simulate_batch
 
 Columns: TypeAlias = dict[str, NDArray[Any]]
-"""Columns by name, each with one entry per case."""
+"""A table: an array for each column name, with one entry per case."""
 
 OUTCOMES = ("ok", "left_envelope", "not_finite", "recovered")
-"""Outcomes; the column `outcome` has their indices."""
+"""Outcomes of a run; the column `outcome` has indices into this tuple."""
 
 COLUMNS = {
     "row": "number of the case",
@@ -43,14 +47,14 @@ COLUMNS = {
         for metric in (*METRICS, *TOOL_METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS)
     },
 }
-"""Meanings of the columns of a table."""
+"""Meanings of a table's columns, by their names."""
 
 
 def columns_of(run: Run) -> Columns:
-    """Return outcome and metrics of each run, as columns with the meanings in `COLUMNS`; missing values are NaN.
+    """Return outcome and metrics of each run as a table; `COLUMNS` explains its columns, and missing values are NaN.
 
-    The margin is the least over all joints. It is negative for every run that was outside, and the lower the earlier
-    the run ended. Metrics are those of the worst joint.
+    The column `margin` is the least envelope margin over all joints. It is negative for every run that left its
+    envelope or ended early; the earlier the end, the lower the margin. Metrics are those of the worst joint.
 
     - `run`: a run or a batch.
     """
@@ -92,14 +96,20 @@ def columns_of(run: Run) -> Columns:
     return columns
 
 
+LARGER_IS_BETTER = frozenset(
+    item.key for item in (*METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS) if not item.least_is_best
+) | {"margin"}
+"""Columns of a table whose larger values are better."""
+
+
 def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
     return numbers.max(axis=1) if least_is_best else numbers.min(axis=1)
 
 
 def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
-    """Merge groups of rows into a table in the order of the rows.
+    """Merge groups of rows into one table in the order of the rows, and return it; missing values are NaN or 0.
 
-    - `parts`: indices of the rows and columns of each group.
+    - `parts`: for each group, the indices of its rows in the table, and its columns.
     - `rows`: number of rows in the table.
     """
     names = list(dict.fromkeys(name for _, columns in parts for name in columns))
@@ -116,9 +126,9 @@ def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Colum
 
 
 def concatenate(parts: Mapping[int, Columns]) -> Columns:
-    """Concatenate chunks of rows in the order of the rows.
+    """Return the table of all chunks, in the order of the rows.
 
-    - `parts`: chunks by the number of their first row.
+    - `parts`: the chunks' columns, by the number of the chunk's first row.
     """
     ordered = [parts[first] for first in sorted(parts)]
     return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]} if ordered else {}
@@ -128,25 +138,26 @@ MOST_LOOPS = 64
 """Largest number of compiled loops in a study; each value that cannot vary within a loop needs its own."""
 
 LEAST_SIZE = 512
-"""Smallest batch size for which arrays are compiled; smaller batches share it."""
+"""Smallest batch size for which the map from values to arrays is compiled; smaller batches are padded to it."""
 
 Values = Mapping[str, NDArray[Any]]
-"""Values by path; the first axis is the case."""
+"""Values of cases: an array for each dotted path of the scenario, whose first axis is the case."""
 
 
 @dataclass(eq=False)
 class Cases:
-    """Runs cases of a family through compiled loops, which are cached.
+    """Simulates cases of a family in batches, by compiled simulation loops, which are cached.
 
-    Values that become arrays vary within a loop. Each value of any other kind, such as a period, a delay, or a table of
-    waypoints, needs a loop of its own. The results of a case do not depend on other cases, bit for bit.
+    One loop serves all cases that differ only in values that become arrays. Each value of any other kind, such as a
+    period, a delay, or a table of waypoints, needs a loop of its own. The results of a case do not depend on the other
+    cases, bit for bit.
 
     - `family`: the family of scenarios.
     - `engine`: as in `simulate`; the scenario's own if None.
     - `threads`: threads of the native engine; None for one per core.
     - `name`: name of the scenarios.
-    - `around`: maps the law of each case to the controller that runs instead of it.
-    - `columns`: maps runs to their rows.
+    - `around`: maps the law of each case to the controller that is simulated in its place; None for the law itself.
+    - `columns`: maps a run or a batch to its table, like `columns_of`.
     """
 
     family: Family
@@ -159,11 +170,11 @@ class Cases:
     _traceable: dict[str, bool] | None = field(default=None, init=False)
 
     def run(self, values: Values) -> Columns:
-        """Run cases and return a row with outcome and metrics for each.
+        """Simulate cases, and return a table with the outcome and metrics of each, in their order.
 
-        - `values`: values for every path of the family.
+        - `values`: values of the cases, for every path of the family; a single case if empty.
 
-        Raises DefinitionError if a case is invalid, or the cases need too many loops.
+        Raises DefinitionError if a case is invalid, or the cases need more than 64 loops.
         """
         rows = len(next(iter(values.values()))) if values else 1
         result: list[tuple[NDArray[Any], Columns]] = []
@@ -178,9 +189,9 @@ class Cases:
         return join_rows(result, rows)
 
     def logged(self, values: Values) -> list[Run]:
-        """Run cases with every sample in their logs.
+        """Simulate cases, and return the run of each, in their order, with every sample in its log.
 
-        - `values`: values for every path of the family; a single case if empty.
+        - `values`: values of the cases, for every path of the family; a single case if empty.
         """
         rows = len(next(iter(values.values()))) if values else 1
         result: list[Run] = [None] * rows  # type: ignore[list-item]
@@ -194,12 +205,12 @@ class Cases:
         return result
 
     def batch(self, values: Values, log_every: int | None = None) -> Run:
-        """Run cases by a single compiled loop, and return them as one `Run`.
+        """Simulate cases by a single compiled loop, and return them as one batched `Run`.
 
-        - `values`: values for every path of the family.
-        - `log_every`: log one in so many samples; None logs none.
+        - `values`: values of the cases, for every path of the family.
+        - `log_every`: n to log every n-th sample; None for no log.
 
-        Raises DefinitionError if a value cannot vary within a compiled loop.
+        Raises DefinitionError if a value that varies needs a loop of its own, such as a period, or MuJoCo simulates.
         """
         groups = self._groups(values, len(next(iter(values.values()))))
         loop = self._loop(groups[0][1], values) if len(groups) == 1 else None
@@ -228,7 +239,7 @@ class Cases:
         if len(fixed) < len(values) and len(self._loops.keys() | set(keys)) > MOST_LOOPS:
             raise DefinitionError(
                 f"each value of {' and '.join(f'`{path}`' for path in fixed)} needs a loop of its own, and at most "
-                f"{MOST_LOOPS} are compiled: use `choice` with few values"
+                f"{MOST_LOOPS} loops are compiled: use `choice` with few values"
             )
         return [(np.flatnonzero(which == k), key) for k, key in enumerate(keys)]
 
@@ -264,12 +275,12 @@ class Cases:
 
 @dataclass(frozen=True, eq=False)
 class _Loop:
-    """A compiled loop, and the maps from values to its arrays.
+    """A compiled simulation loop, and the maps from values of cases to its arrays.
 
-    - `scenario`: one of its cases.
-    - `arrays`: maps values to the arrays that vary.
-    - `define`: maps these arrays to the parts of a loop.
-    - `paths`: paths of the values.
+    - `scenario`: the scenario of one case.
+    - `arrays`: maps values of cases to the arrays that vary between them.
+    - `define`: maps the varying arrays of one case to the arguments of `simulate`.
+    - `paths`: paths of the values that vary within the loop.
     """
 
     scenario: Scenario
@@ -323,11 +334,11 @@ class _Loop:
         return cls(built, jax.jit(jax.vmap(varying)), define, tuple(values))
 
     def simulated(self, values: Values, threads: int | None, log_every: int | None) -> Run:
-        """Run cases, and return them as one `Run`.
+        """Simulate cases, and return them as one batched `Run`.
 
-        - `values`: values by path.
+        - `values`: values of the cases.
         - `threads`: threads of the native engine.
-        - `log_every`: log one in so many samples; None logs none.
+        - `log_every`: n to log every n-th sample; None for no log.
         """
         rows = len(next(iter(values.values()))) if values else 1
         # Use few different sizes, so that arrays are compiled rarely.
@@ -352,7 +363,7 @@ WORDS = 4
 
 
 def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.float64]:
-    """Return uniform random points [rows, dimensions]; a row's point depends only on the row's number and the seed.
+    """Return random points of the unit cube [rows, dimensions]; a point depends only on its row's number and the seed.
 
     Each row has a fixed position in the stream of a counter-based generator (Philox, Salmon et al. 2011).
 
@@ -369,7 +380,7 @@ def points(seed: int, first: int, rows: int, dimensions: int) -> NDArray[np.floa
 
 @dataclass(frozen=True)
 class StudyTask:
-    """A family of scenarios as text.
+    """A family of scenarios as text, from which other processes can compute cases.
 
     - `text`: JSON with the scenario's description, its sets, and the engine.
     """
@@ -378,7 +389,7 @@ class StudyTask:
 
     @classmethod
     def of(cls, family: Family, engine: str | None = None) -> StudyTask:
-        """Return the task of a family; `engine` is as in `simulate`, or the scenario's own if None."""
+        """Return the task for a family; `engine` is as in `simulate`, or the scenario's own if None."""
         base = family.base.model_dump(mode="json", exclude_unset=True, exclude={"uncertainty"})
         sets = [
             {path: item.model_dump(mode="json", exclude_unset=True) for path, item in space.sets.items()}
@@ -389,25 +400,25 @@ class StudyTask:
 
     @property
     def content(self) -> dict[str, Any]:
-        """Values in the text."""
+        """The text as a mapping, with the keys `scenario`, `uncertain`, `varied` and `engine`."""
         return json.loads(self.text)
 
     @property
     def digest(self) -> str:
-        """Hash of all that the rows depend on, except their values."""
+        """Hash of the text; the results of a case depend only on the text and on the values of the case."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def cases(self, threads: int | None = None) -> Cases:
-        """Return the cases, cached by text so that a process compiles once.
+        """Return the `Cases` of the family, cached by text so that a process compiles once.
 
         - `threads`: threads of the native engine.
         """
         return _cases(self.text, threads)
 
     def run(self, values: Values, threads: int | None = None) -> Columns:
-        """Run cases, also in another process, and return outcome and metrics of each.
+        """Simulate cases, also in a new process, and return a table with outcome and metrics of each.
 
-        - `values`: values by path; the first axis is the case.
+        - `values`: values of the cases.
         - `threads`: threads of the native engine.
         """
         jax.config.update("jax_enable_x64", True)
@@ -427,9 +438,9 @@ def _cases(text: str, threads: int | None) -> Cases:
 
 
 def flatten_values(values: Mapping[str, Any]) -> Columns:
-    """Flatten values into a column for each number, such as `robot.plant.coulomb[0]`.
+    """Return a column for each number of the values, named by path and index, such as `robot.plant.coulomb[0]`.
 
-    - `values`: values by path; the first axis is the case.
+    - `values`: an array for each path, whose first axis is the case.
     """
     columns: Columns = {}
     for path, array in values.items():

@@ -1,4 +1,4 @@
-"""Computes chunks on a Dask cluster, whose workers may come and go."""
+"""A pool that computes the rows of a study on a Dask cluster, whose workers may join and leave."""
 
 from __future__ import annotations
 
@@ -42,10 +42,12 @@ LOOKS = 5.0
 
 
 def _address(where: str) -> str:
-    """Return the address in a scheduler file, or in the environment for `env`; any other text is returned as it is."""
+    """Return the address of a scheduler: from the environment for `env`, from a file NAME.json, or the text itself."""
     if where == "env":
         if ADDRESS not in os.environ:
-            raise DefinitionError(f"`--cluster env` reads the scheduler's address from {ADDRESS}, which is not set")
+            raise DefinitionError(
+                f"`--cluster env` reads the scheduler's address from {ADDRESS}, which is not set: set it"
+            )
         return os.environ[ADDRESS]
     if not where.endswith(".json"):
         return where
@@ -149,10 +151,10 @@ class Cluster(AbstractPool):
             self._cluster.scale(self._local)
 
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
-        """Yield the rows of each chunk as they become ready.
+        """Yield first row number, values and results of each chunk, in the order in which workers finish.
 
-        - `task`: the task of the rows.
-        - `chunks`: number of the first row and values by path, for each chunk.
+        - `task`: family of scenarios to which the rows belong.
+        - `chunks`: for each chunk, the number of its first row, and the values of its rows.
 
         Raises DefinitionError if a chunk's workers died too often, or a worker has another version of slidax.
         """
@@ -178,7 +180,7 @@ class Cluster(AbstractPool):
             except self._dask.KilledWorker:
                 if tries >= TRIES:
                     raise DefinitionError(
-                        f"the workers for the rows from {first} on died {tries} times: give them more memory"
+                        f"the workers that computed the rows from {first} on died {tries} times: give them more memory"
                     ) from None
                 submit(first, values, tries + 1)
                 continue
@@ -187,10 +189,10 @@ class Cluster(AbstractPool):
 
 
 def compute_chunk(text: str, values: Values, version: str) -> Columns:
-    """Compute the rows of a chunk on a worker, with all of the worker's threads.
+    """Simulate the rows of a chunk on a worker, with all of its threads, and return their outcomes and metrics.
 
-    - `text`: text of the task.
-    - `values`: values by path; the first axis is the row.
+    - `text`: text of a `StudyTask`.
+    - `values`: values of the rows.
     - `version`: version of slidax in the process that collects the rows.
 
     Raises DefinitionError if the worker has another version, whose rows may differ.

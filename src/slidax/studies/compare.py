@@ -15,7 +15,7 @@ from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description
 from slidax.scenarios.uncertainty import AbstractSet, Between, InsideEnvelope
 
-from .cases import Columns, points
+from .cases import LARGER_IS_BETTER, Columns, points
 from .overview import share
 from .predicates import ENVELOPE, Predicate
 from .runner import PartDone
@@ -28,7 +28,7 @@ class CompareResult(AbstractResult):
     """Result of a comparison of schemes on the same cases.
 
     - `of`, `holds`, `confidence`, `seed`: as in `Compare`; `family` is that of the first scheme.
-    - `tables`: rows of each scheme, by its name; a row number is the same case in all tables.
+    - `tables`: table of each scheme, by its name, with a row for each case; a row number is the same case in all.
     """
 
     of: tuple[str, ...]
@@ -44,7 +44,7 @@ class CompareResult(AbstractResult):
 
     @property
     def ended(self) -> str:
-        """Sentence that all runs are done."""
+        """The sentence “all N runs are done”."""
         return all_done(self.runs)
 
     @property
@@ -53,7 +53,7 @@ class CompareResult(AbstractResult):
         return next(iter(self.tables))
 
     def difference(self, name: str, of: str) -> PairedDifference:
-        """Return a metric's difference between a scheme and the reference, over the cases that both ran to the end.
+        """Return statistics of a metric's difference, scheme minus reference, over the cases that both ran to the end.
 
         - `name`: name of the scheme.
         - `of`: key of the metric.
@@ -63,12 +63,12 @@ class CompareResult(AbstractResult):
         return paired_difference(np.where(complete, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
-        """Return the difference from the reference in the share of cases with a property.
+        """Return the difference, scheme minus reference, between the shares of cases with a property.
 
         None if the property is `envelope` and one of the two schemes has no envelope.
 
         - `name`: name of the scheme.
-        - `holds`: the property.
+        - `holds`: the property, such as `envelope` or `steady_error < 1e-3`.
         """
         if not all(is_defined(holds, self.tables[each]) for each in (name, self.reference)):
             return None
@@ -82,7 +82,7 @@ class CompareResult(AbstractResult):
         None and None if the property is `envelope` and the scheme has no envelope.
 
         - `name`: name of the scheme.
-        - `holds`: the property.
+        - `holds`: the property, as in `shares`.
         """
         if not is_defined(holds, self.tables[name]):
             return None, None
@@ -99,8 +99,9 @@ class CompareResult(AbstractResult):
     def summary(self) -> str:
         text = []
         for name in list(self.tables)[1:]:
-            better = [of for of in self.of if _is_below(self.difference(name, of))]
-            worse = [of for of in self.of if _is_below(self.difference(name, of), -1.0)]
+            signs = {of: -1.0 if of in LARGER_IS_BETTER else 1.0 for of in self.of}
+            better = [of for of in self.of if _is_below(self.difference(name, of), signs[of])]
+            worse = [of for of in self.of if _is_below(self.difference(name, of), -signs[of])]
             words = [f"{word} in {', '.join(ofs)}" for word, ofs in (("better", better), ("worse", worse)) if ofs]
             text.append(f"{name} is {' and '.join(words) or 'not significantly different'}")
         cases = count_noun(len(self._cases), "case")
@@ -143,7 +144,9 @@ class CompareResult(AbstractResult):
         ]
         columns = ("Scheme", "Metric", "Pairs", "Mean", "Difference", "At least", "At most", "Median", "p, Wilcoxon")
         first = ", ".join(f"{of} {_shown(self._mean(self.reference, of))}" for of in self.of)
-        note = f"Difference from {self.reference}, case by case; < 0 is better. The means of the reference are {first}."
+        larger = ", ".join(f"`{of}`" for of in self.of if of in LARGER_IS_BETTER)
+        rule = f"< 0 is better, but for {larger} > 0" if larger else "< 0 is better"
+        note = f"Difference from {self.reference}, case by case; {rule}. The means of the reference are {first}."
         return [*result, Section("Differences", note, columns, rows, pictures)]
 
     def _mean(self, name: str, of: str) -> float | None:
@@ -200,9 +203,10 @@ class CompareResult(AbstractResult):
 
 
 def is_defined(holds: str, table: Columns) -> bool:
-    """True if the property is defined for the runs; `envelope` needs a scheme with an envelope.
+    """True if a property is defined for the runs of a scheme; `envelope` needs a scheme with an envelope.
 
-    - `table`: the rows.
+    - `holds`: the property, such as `envelope` or `steady_error < 1e-3`.
+    - `table`: rows of the scheme.
     """
     return holds != ENVELOPE or bool(np.isfinite(table["margin"]).any())
 
@@ -212,7 +216,7 @@ def _reached_end(table: Columns) -> np.ndarray:
     return np.asarray((table["outcome"] == 0) | (table["outcome"] == 3))
 
 
-def _is_below(item: PairedDifference, sign: float = 1.0) -> bool:
+def _is_below(item: PairedDifference, sign: float) -> bool:
     """True if the interval of the mean difference is below 0; with sign -1, if it is above 0."""
     if item.of_mean is None:
         return False
@@ -232,7 +236,7 @@ class Compare(AbstractStudy):
     in_parts: ClassVar[bool] = True
     study: Literal["compare"]
     schemes: Annotated[dict[str, dict[str, Any]], Field(min_length=2, max_length=50)]
-    """For the name of each scheme, changed values of the scenario by path, as with `--set`; `{}` for no change."""
+    """By name of each scheme, the scenario's changed values by path, as with `--set`; `{}` for no change."""
     runs: int = input_field("cases for each scheme", "", "[1, 1e9]", default=500)
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Metrics to compare."""
@@ -252,7 +256,9 @@ class Compare(AbstractStudy):
         holds = [Predicate(text) for text in self.holds]
         families = self._families()
         first = next(iter(families.values()))
-        self.require(bool(first.space.sets), "uncertainty", "is empty: all cases would be equal; give sets of values")
+        self.require(
+            bool(first.space.sets), "uncertainty", "is empty: all cases would be equal; give sets of uncertain values"
+        )
         cases = first.space.values(points(self.seed, 0, self.runs, first.space.dimensions))
         how.begin(self.runs * len(families))
         tables: dict[str, Columns] = {}

@@ -13,7 +13,7 @@ from slidax.core.files import json_value
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.scenario import ScenarioDescription
 
-from .cases import OUTCOMES, Columns
+from .cases import LARGER_IS_BETTER, OUTCOMES, Columns
 from .overview import overview
 from .runner import BatchEvaluator
 from .search import SearchResult, search_lowest
@@ -79,9 +79,10 @@ class Falsify(AbstractStudy):
 
 
 def rank_badness(columns: Columns, of: str) -> np.ndarray:
-    """Return a value for each row; lower is worse.
+    """Return a number for each row, lower for worse rows: a margin, or the negative of a metric whose least is best.
 
-    - `of`: `margin`, or the key of a metric.
+    - `columns`: table with outcome and metrics of the rows.
+    - `of`: `margin`, or the key of a metric; a row that ended early is then worse than all others.
 
     Raises DefinitionError if there is no such metric, or no row has a value for it.
     """
@@ -97,15 +98,20 @@ def rank_badness(columns: Columns, of: str) -> np.ndarray:
         columns["outcome"] == OUTCOMES.index("not_finite")
     )
     early = -WORSE + np.nan_to_num(columns["t"])
-    return np.where(ended, early, np.where(np.isfinite(value), -value, np.inf))
+    return np.where(ended, early, np.where(np.isfinite(value), _sign(of) * value, np.inf))
+
+
+def _sign(of: str) -> float:
+    return 1.0 if of in LARGER_IS_BETTER else -1.0
 
 
 @dataclass(frozen=True)
 class FalsifyResult(AbstractTableResult):
     """Result of a search for the worst case.
 
-    - `search`: the worst points of the unit cube, with their values.
-    - `rows`, `cases`: row number and values by path of each worst point.
+    - `search`: the worst points of the unit cube, with their numbers from `rank_badness`.
+    - `rows`: row number of each worst point.
+    - `cases`: uncertain values of each worst point, by dotted path.
     """
 
     study: Falsify
@@ -115,7 +121,7 @@ class FalsifyResult(AbstractTableResult):
 
     @property
     def ended(self) -> str:
-        """The reason why the search ended."""
+        """The reason why the search ended, as a sentence."""
         return {
             "enough": f"a violation was found in run {self.runs}",
             "seconds": f"the time limit ended the search after {count_noun(self.runs, 'run')}",
@@ -152,8 +158,7 @@ class FalsifyResult(AbstractTableResult):
             ]
             for name, row in zip(self.names, self.rows, strict=True)
         ]
-        sign = 1.0 if self.study.worst == MARGIN else -1.0
-        history = self.search.history * np.array([1.0, sign])
+        history = self.search.history * np.array([1.0, _sign(self.study.worst)])
         # A run that ended early has no value of its own.
         history = history[np.abs(history[:, 1]) < 0.5 * WORSE]
         label = f"worst {self.study.worst.replace('_', ' ')}"

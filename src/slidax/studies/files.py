@@ -27,7 +27,7 @@ from .sweep import Sweep
 from .tune import Tune
 
 KINDS: tuple[type[AbstractStudy], ...] = (MonteCarlo, Sweep, Falsify, Sensitivity, Tune, Compare)
-"""The kinds of studies, in the order of their use."""
+"""The classes of studies, in the order of their use."""
 
 if TYPE_CHECKING:
     AnyStudy = AbstractStudy
@@ -48,16 +48,16 @@ def read_study(path: str | Path, changes: dict[str, Any] | None = None) -> Abstr
 
 
 def study_of(data: Any, changes: dict[str, Any] | None = None, *, folder: str | Path = Path()) -> AbstractStudy:
-    """Build a study from a mapping.
+    """Return the study that a mapping describes.
 
-    - `data`: mappings, lists and values.
+    - `data`: the fields of a study file, as nested mappings, lists and values.
     - `changes`: as in `read_study`.
     - `folder`: folder to which file names are relative.
 
     Raises DefinitionError with the path of the first invalid field.
     """
     if not isinstance(data, dict):
-        raise DefinitionError("a study is a mapping with the keys study, scenario, uncertainty, ...")
+        raise DefinitionError("a study must be a mapping with the keys study, scenario, uncertainty, ...")
     require_readable(data)
     added = set(changes or {}) - set(data)
     data = {**data, **(changes or {})}
@@ -81,7 +81,7 @@ TASK = ("scenario", "uncertain", "varied", "engine")
 
 
 def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
-    """Return the scenario of a row; `slidax run` replays it, bit for bit on the same machine.
+    """Return the scenario that a study ran for a row; `slidax run` replays it, bit for bit on the same machine.
 
     - `folder`: a study's folder with `study.json` and `rows.parquet`.
     - `row`: number of the row.
@@ -91,7 +91,8 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
     rows, identity = read_rows(folder), read_identity(Path(folder))
     if "row" not in rows or any(key not in identity for key in TASK):
         raise DefinitionError(
-            f"the folder `{folder}` is not from a study: `rows.parquet` has no column `row`, or `study.json` no sets"
+            f"the folder `{folder}` is not from a study: `rows.parquet` has no column `row`, or `study.json` "
+            "no sets of uncertain values; give the folder of `slidax study FILE --out DIR`"
         )
     if study_of_rows(Path(folder) / ROWS) != digest_of(identity):
         raise DefinitionError(
@@ -99,7 +100,7 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
             f"`slidax study FILE --out {folder} --resume` writes them again"
         )
     if not 0 <= row < len(rows["row"]):
-        raise DefinitionError(f"there are rows 0 to {len(rows['row']) - 1}; got {row}")
+        raise DefinitionError(f"the study has the rows 0 to {len(rows['row']) - 1}; got {row}")
     family = StudyTask(json.dumps({key: identity[key] for key in TASK})).cases().family
     return family.case({path: _value(rows, path, row) for path in family.space.sets})
 
@@ -117,9 +118,9 @@ def _value(rows: Columns, path: str, row: int) -> Array:
 
 
 def frame(rows: str | Path | Columns, kind: Kind = "pandas") -> Any:
-    """Return a data frame with a row per case: values by path, outcome and metrics. In pandas, `attrs` has the units.
+    """Return a data frame with a row per case: its uncertain values, outcome and metrics. In pandas, `attrs` has units.
 
-    - `rows`: a folder or file of a study, or its columns by name, such as `result.table`.
+    - `rows`: folder of a study, its `rows.parquet`, or its columns by name, such as `result.table`.
     - `kind`: "pandas" or "polars".
 
     Raises DefinitionError if there is no such file, or the library is unknown or not installed.

@@ -30,7 +30,7 @@ class MonteCarlo(AbstractStudy):
     """Counted properties: `envelope`, or a condition such as `steady_error < 1e-3`. `until` refers to the first."""
     confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.99)
     until: UntilDescription | None = None
-    """Rule to stop early: when an anytime-valid interval shows the first property, or when it failed too often."""
+    """Rule to stop early: once an anytime-valid interval shows the first property, or once it failed too often."""
 
     def run(self, how: RunOptions) -> MonteCarloResult:
         predicates = [Predicate(text) for text in self.holds]
@@ -69,7 +69,9 @@ class MonteCarlo(AbstractStudy):
         return replace(result, why=failure_reason(family, result.case(result.worst))) if every else result
 
     def values(self, family: Family, first: int, rows: int) -> Values:
-        """Return the values of consecutive rows, by path.
+        """Return the uncertain values drawn for consecutive rows.
+
+        The result has an array for each dotted path of the scenario, whose first axis is the row.
 
         - `family`: the family of scenarios.
         - `first`: number of the first row.
@@ -91,11 +93,11 @@ class MonteCarlo(AbstractStudy):
 
 @dataclass(frozen=True)
 class Rate:
-    """Failure rate of a property.
+    """Failure rate of a property over the runs of a study.
 
-    - `holds`: the property.
+    - `holds`: the property, such as `envelope` or `steady_error < 1e-3`.
     - `runs`, `failures`: number of runs and of failures.
-    - `failing`: interval of the failure rate.
+    - `failing`: confidence interval of the failure rate.
     - `anytime`: True for a confidence sequence, which is valid at any stopping time; False for Clopper and Pearson's.
     """
 
@@ -107,7 +109,7 @@ class Rate:
 
     @property
     def holding(self) -> Interval:
-        """Interval of the property's probability."""
+        """Confidence interval of the probability that the property holds."""
         item = self.failing
         return Interval(1.0 - item.upper, 1.0 - item.lower, item.confidence)
 
@@ -116,8 +118,8 @@ class Rate:
 class MonteCarloResult(AbstractTableResult):
     """Result of a Monte Carlo study.
 
-    - `rates`: rate of each property.
-    - `ended`: reason for the end of the study.
+    - `rates`: failure rate of each property.
+    - `ended`: reason for the end of the study, as a sentence.
     - `why`: likeliest cause in the worst run, if every run failed.
     """
 
@@ -155,11 +157,11 @@ class MonteCarloResult(AbstractTableResult):
         )
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """Return the worst case, by file name."""
+        """Return the scenario of the worst case under the name `worst`."""
         return {"worst": self.family.case(self.case(self.worst))}
 
     def case(self, row: int) -> dict[str, Any]:
-        """Return the values of a row, by path.
+        """Return the uncertain values of a row, by dotted path.
 
         - `row`: number of the row.
         """
@@ -189,7 +191,7 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def causes(self) -> list[tuple[str, int, int]]:
-        """Number of failures by outcome and joint, the most common first."""
+        """Outcome, joint from 1, and number of failed runs with both; the most common first."""
         return causes_of(self.table)
 
     def as_json(self) -> dict[str, Any]:
@@ -222,9 +224,9 @@ class MonteCarloResult(AbstractTableResult):
 
 
 def causes_of(table: Columns) -> list[tuple[str, int, int]]:
-    """Return outcome, joint and number of failures, the most common first.
+    """Return each outcome and joint (from 1) of failed runs with their number, the most common first.
 
-    - `table`: the rows.
+    - `table`: outcome and metrics of the runs.
     """
     bad = table["outcome"] > 0
     kinds, counts = np.unique(

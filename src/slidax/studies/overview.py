@@ -22,19 +22,23 @@ SHOWN = ("steady_error", "peak_torque", "max_torque_step", "rms_error")
 MOST_PANELS = 9
 
 SECONDS = 20.0
-"""Time limit for trying remedies if every run failed [s]."""
+"""Time limit for trying remedies in simulation if every run failed [s]."""
 
 
 def overview(family: Family, table: Columns, worst: Mapping[str, Any], row: int) -> list[Section]:
-    """Return sections on metrics, on the margin over uncertain values, and on the worst case.
+    """Return sections of a study's page: on metrics, on the margin over uncertain values, and on the worst case.
 
-    - `worst`, `row`: values by path of the worst row, and the row's number.
+    - `family`, `table`: scenarios of the study, and its rows.
+    - `worst`, `row`: uncertain values of the worst row by dotted path, and the row's number.
     """
     return [_metrics(family, table), *_margins(family, table), _worst(family, table, worst, row)]
 
 
 def failure_reason(family: Family, worst: Mapping[str, Any]) -> str:
-    """Return the likeliest reason for a failed case, and its remedy, in a line; may be empty."""
+    """Return the likeliest reason for a failed case, and its remedy, in a line; empty if no reason is known.
+
+    - `worst`: uncertain values of the case, by dotted path.
+    """
     return likeliest_cause(family.scenario(worst, "worst"), seconds=SECONDS)
 
 
@@ -112,7 +116,7 @@ def _margins(family: Family, table: Columns) -> list[Section]:
 
 
 def flat_names(family: Family, table: Columns) -> list[str]:
-    """Return the names of the columns with uncertain values of the cases."""
+    """Return the names of a table's columns that have uncertain or varied values of the cases."""
     return [name for name in table if name.partition("[")[0] in family.space.sets]
 
 

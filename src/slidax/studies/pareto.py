@@ -67,13 +67,13 @@ def thin_front(aims: np.ndarray, most: int, first: int = 0) -> np.ndarray:
 
 
 SIZE = 0.2
-"""Initial standard deviation of an island."""
+"""Initial standard deviation of each CMA-ES."""
 
 DIRECTIONS = 6
-"""Least number of weight vectors."""
+"""Least number of weight vectors, and so of CMA-ES."""
 
 SLACK = 0.05
-"""Offset below the best known objectives, in logarithms, so that every objective counts."""
+"""Offset subtracted from the logarithms of the best known objectives, so that every objective counts."""
 
 
 @dataclass(frozen=True)
@@ -104,16 +104,17 @@ def pareto_search(
 ) -> Front:
     """Search for the Pareto front with a CMA-ES for each of several weight vectors.
 
-    Each CMA-ES minimises a weighted Chebyshev norm of the objectives,
+    Each CMA-ES minimises a weighted Chebyshev norm of the objectives fᵢ,
 
-        maxᵢ wᵢ (log fᵢ - log fᵢ*) + 0.05 Σᵢ wᵢ (log fᵢ - log fᵢ*),  fᵢ* the best feasible value so far
+        maxᵢ wᵢ (log fᵢ - zᵢ) + 0.05 Σᵢ wᵢ (log fᵢ - zᵢ),  zᵢ = log fᵢ* - 0.05
 
-    (V. J. Bowman, 1976; the sum avoids weakly dominated points). If the start is feasible, another CMA-ES minimises
-    `maxᵢ (log fᵢ - log fᵢ(start))`, to improve on the start in all objectives. An infeasible point is worse than every
+    with the weights wᵢ and the best feasible value fᵢ* so far (V. J. Bowman, 1976; the sum avoids weakly dominated
+    points). If the start is feasible, another CMA-ES minimises this norm for wᵢ = 1 and zᵢ = log fᵢ(start), to improve
+    on the start in all objectives. An infeasible point is worse than every
     feasible point, and the worse the larger its violation. The points of all CMA-ES are evaluated in a single batch. A
     CMA-ES that has converged restarts at the best point for its weights.
 
-    - `judge`: evaluates points [points dimension].
+    - `judge`: returns objectives and constraint violations of points [points dimension].
     - `dimension`: dimension of the cube.
     - `evaluations`: largest number of points.
     - `start`: start of the search, such as the current gains [dimension]; the middle if None.

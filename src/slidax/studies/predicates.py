@@ -20,7 +20,7 @@ from .statistics import confidence_sequence
 from .study import all_done
 
 ENVELOPE = "envelope"
-"""The predicate that a run stays inside its envelope until its end."""
+"""The property that a run stays inside its envelope until its end."""
 
 SIGNS: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
@@ -36,7 +36,7 @@ FORM = re.compile(r"\s*([A-Za-z_][\w.\-]*)\s*(<=|>=|<|>)\s*([-+.\deE]+)\s*")
 class Predicate:
     """A property of a run.
 
-    - `text`: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`; of the worst joint.
+    - `text`: `envelope`, or a metric, a sign and a number, such as `steady_error < 1e-3`, for the worst joint.
     """
 
     text: str
@@ -47,7 +47,7 @@ class Predicate:
     def holds(self, columns: Columns) -> NDArray[np.bool_]:
         """Return True for each row with the property; False if the run ended early or lacks the metric.
 
-        - `columns`: outcome and metrics.
+        - `columns`: table with outcome and metrics of the runs.
 
         Raises DefinitionError if there is no such metric.
         """
@@ -55,7 +55,9 @@ class Predicate:
         parsed = self._parsed()
         if parsed is None:
             if np.isnan(columns["margin"]).all() and not outcome.any():
-                raise DefinitionError("the scheme has no envelope: use a metric, such as `steady_error < 1e-3`")
+                raise DefinitionError(
+                    "the scheme has no envelope: in place of `envelope` use a metric, such as `steady_error < 1e-3`"
+                )
             return outcome == 0
         name, sign, limit = parsed
         if name not in columns:
@@ -84,16 +86,18 @@ class Predicate:
 class UntilDescription(AbstractDescription):
     """Rule for stopping before all runs are done."""
 
-    probability: float = input_field("probability of the property to show, as a lower bound", "", "(0, 1)")
+    probability: float = input_field(
+        "the study stops once it shows that the property has at least this probability", "", "(0, 1)"
+    )
     failures: Annotated[int, Field(ge=1)] = 1
-    """Number of failures at which to stop."""
+    """Number of failures at which the study stops."""
 
 
 class SequentialStop:
     """Counts failures in the order of the rows, and decides when to stop.
 
     - `until`: the stopping rule; None for no early stop.
-    - `confidence`: confidence of the sequence.
+    - `confidence`: confidence of the confidence sequence that shows the property's probability.
     """
 
     def __init__(self, until: UntilDescription | None, confidence: float) -> None:
@@ -104,10 +108,10 @@ class SequentialStop:
         self._shown = False
 
     def enough(self, parts: dict[int, Columns], predicate: Predicate) -> bool:
-        """Return True to stop; evaluates the rows in order, up to the first missing row.
+        """Count failures in the completed rows, in order up to the first missing row; return True to stop the study.
 
-        - `parts`: completed rows, by the number of their first row.
-        - `predicate`: the counted property.
+        - `parts`: columns of the completed chunks, by the number of the chunk's first row.
+        - `predicate`: the property whose failures are counted.
         """
         if self.until is None:
             return False
@@ -132,9 +136,9 @@ class SequentialStop:
         return 1.0 - confidence_sequence(self._failures, self.runs, self.confidence).upper >= self.until.probability
 
     def stored(self, parts: dict[int, Columns]) -> int:
-        """Return the number of rows before the first missing row.
+        """Return the number of completed rows before the first missing row.
 
-        - `parts`: completed rows, by the number of their first row.
+        - `parts`: as in `enough`.
         """
         count = 0
         while count in parts:

@@ -1,4 +1,4 @@
-"""The rows of a study, chunk by chunk: from the store, from this process, or from a cluster."""
+"""Computation of a study's rows, one per case, in chunks: by this process or a cluster, or read from the store."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def ignore_progress(rows: int) -> None:
 
 
 class AbstractPool(ABC):
-    """Base of the pools, which compute chunks of rows."""
+    """Base of the pools, which compute the rows of a study in chunks."""
 
     @abstractmethod
     def each(self, task: StudyTask, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Values, Columns]]:
-        """Yield the rows of each chunk as they become ready.
+        """Yield first row number, values and results of each chunk, in the order of completion.
 
-        - `task`: the task of the rows.
-        - `chunks`: number of the first row and values by path, for each chunk.
+        - `task`: family of scenarios to which the rows belong.
+        - `chunks`: for each chunk, the number of its first row, and the values of its rows.
         """
 
 
@@ -55,10 +55,10 @@ class LocalPool(AbstractPool):
 
 @dataclass(frozen=True)
 class Part:
-    """A share of a study's chunks, for processes that compute a study together.
+    """Every n-th chunk of a study, for n processes that compute the study together.
 
-    - `number`: number of the part, from 1.
-    - `of`: number of parts.
+    - `number`: number of the part, from 1 to n.
+    - `of`: number of parts, n.
     """
 
     number: int
@@ -66,9 +66,9 @@ class Part:
 
     @classmethod
     def parsed(cls, text: str) -> Part:
-        """Parse a text such as `2/4`.
+        """Return the part that a text describes, such as `2/4`.
 
-        - `text`: number and count.
+        - `text`: number of the part, and number of parts.
 
         Raises DefinitionError if the text has another form.
         """
@@ -81,7 +81,7 @@ class Part:
     def has(self, chunk: int) -> bool:
         """True if a chunk belongs to this part.
 
-        - `chunk`: index of the chunk.
+        - `chunk`: index of the chunk, from 0.
         """
         return chunk % self.of == self.number - 1
 
@@ -103,12 +103,13 @@ class PartDone(Exception):
 class Runner:
     """Simulates cases and returns their rows, or reads the rows from the store.
 
-    - `task`: the task of the rows.
+    - `task`: family of scenarios to which the rows belong.
     - `chunk`: number of rows that are computed and stored together.
     - `store`: keeps the rows on disk; None for memory only.
     - `pool`: computes the rows.
     - `progress`: called with the number of new rows after each chunk.
     - `part`: the chunks to compute here; None for all.
+    - `computed`, `seconds`: number of rows computed so far, and their computing time.
     """
 
     task: StudyTask
@@ -129,10 +130,10 @@ class Runner:
         return int(np.clip(2 ** round(np.log2(max(SAMPLES / max(samples, 1), 1.0))), LEAST, MOST))
 
     def rows(self, first: int, values: Values) -> Columns:
-        """Return a row for each case: its values, outcome and metrics, as columns.
+        """Return a table with a row for each case: row number, values, outcome and metrics.
 
         - `first`: number of the first row.
-        - `values`: values by path; the first axis is the row.
+        - `values`: values of the cases.
 
         Raises DefinitionError if the store has these rows with different values.
         """
@@ -148,9 +149,9 @@ class Runner:
         return {name: np.concatenate([columns[name] for columns in ordered]) for name in ordered[0]}
 
     def stream(self, chunks: Iterator[tuple[int, Values]]) -> Iterator[tuple[int, Columns]]:
-        """Yield the rows of each chunk as they become ready, from the store or computed.
+        """Yield first row number and table of each chunk as it becomes ready, from the store or computed.
 
-        - `chunks`: number of the first row and values by path, for each chunk.
+        - `chunks`: for each chunk, the number of its first row, and the values of its rows.
 
         Raises DefinitionError if the store has these rows with different values, and PartDone if only a part is
         computed here and rows of other parts are missing.
@@ -209,8 +210,8 @@ def _require_same(first: int, values: Columns, stored: Columns) -> None:
     for name, array in values.items():
         if name not in stored or not np.array_equal(stored[name], array):
             raise DefinitionError(
-                f"row {first} is stored with a different `{name}`: the rows belong to another study; write to another "
-                "folder"
+                f"the rows from {first} on are stored with other values of `{name}`: they belong to another study; "
+                "write to another folder"
             )
 
 
@@ -219,10 +220,10 @@ BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
 class BatchEvaluator:
-    """Evaluates points of the unit cube and keeps their rows, numbered in the order of evaluation.
+    """Simulates cases, such as points of the unit cube, and keeps their rows, numbered in the order of evaluation.
 
     - `runner`: computes the rows.
-    - `family`: family of scenarios, whose space maps points to values.
+    - `family`: family of scenarios, whose space maps points of the unit cube to values.
     """
 
     def __init__(self, runner: Runner, family: Family) -> None:
@@ -233,11 +234,14 @@ class BatchEvaluator:
         self._values: list[Values] = []
 
     def points(self, cube: np.ndarray) -> Columns:
-        """Run the cases at points [rows, dimensions] in [0, 1], and return their rows."""
+        """Simulate the cases at points of the unit cube [rows, dimensions], and return their rows as a table."""
         return self.values(self.family.space.values(np.clip(cube, 0.0, BELOW_ONE)))
 
     def values(self, values: Mapping[str, Any]) -> Columns:
-        """Run the cases with values by path, whose first axis is the row, and return their rows."""
+        """Simulate cases, and return their rows as a table.
+
+        - `values`: an array for each dotted path of the family, whose first axis is the row.
+        """
         columns = self.runner.rows(self.rows, values)
         self.rows += len(columns["row"])
         self._parts.append(columns)
@@ -250,7 +254,7 @@ class BatchEvaluator:
         return {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
 
     def values_of(self, row: int) -> dict[str, Any]:
-        """Return the values of a row, by path."""
+        """Return the values of a row, by dotted path of the family."""
         for values in self._values:
             rows = len(next(iter(values.values())))
             if row < rows:
@@ -259,7 +263,7 @@ class BatchEvaluator:
         raise IndexError(row)
 
     def collected(self) -> dict[str, Any]:
-        """Write all rows to the store's table, if there is a store, and return the fields of `AbstractTableResult`."""
+        """Write `rows.parquet` if there is a store; return the fields of `AbstractTableResult` but `study`, by name."""
         store = self.runner.store
         return {
             "family": self.family,

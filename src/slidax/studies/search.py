@@ -23,10 +23,10 @@ Stop = Literal["evaluations", "seconds", "enough", "settled"]
 class SearchResult:
     """The lowest points of a search.
 
-    - `points`: the lowest first, each at a distance from all lower ones [points dimension].
+    - `points`: the lowest first; any two differ by the requested distance in a coordinate [points dimension].
     - `values`: their values [points].
     - `evaluations`: number of evaluated points.
-    - `history`: number of evaluations, and lowest value so far [batches 2].
+    - `history`: number of evaluations, and lowest value so far, after each batch [batches 2].
     - `stop`: reason for the end of the search.
     """
 
@@ -38,12 +38,12 @@ class SearchResult:
 
 
 def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
-    """Return the indices of the lowest points, each at a distance from all lower ones.
+    """Return the indices of the lowest points, the lowest first, each at a distance from all lower ones.
 
     - `points`: points of the unit cube [points dimension].
     - `values`: their values [points].
     - `count`: largest number of points.
-    - `distance`: least difference in one coordinate.
+    - `distance`: least difference of any two of them in at least one coordinate.
     """
     chosen: list[int] = []
     left = np.ones(len(values), bool)
@@ -58,12 +58,13 @@ def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance
 
 
 Objective = Callable[[np.ndarray], np.ndarray]
-"""Function of points in the unit cube [points dimension] to their values [points]; nonfinite values count as +∞."""
+"""Maps points of the unit cube [points dimension] to the values to minimise [points]; nonfinite values count as +∞."""
 
 
 class EvaluatedPoints:
-    """Evaluates the objective, and records every point and value.
+    """Evaluates an objective within a budget, and records every point and value.
 
+    - `objective`: maps points to the values to minimise.
     - `evaluations`: largest number of points.
     - `seconds`: time limit after which no batch begins; None for no limit.
     - `enough`: value below which the search ends; None for no such value.
@@ -97,7 +98,7 @@ class EvaluatedPoints:
         return self._most - self.evaluations
 
     def ask(self, points: np.ndarray) -> np.ndarray:
-        """Evaluate points in a batch; +∞ for points beyond the budget.
+        """Evaluate points in a batch, and return their values [points]; +∞ for points beyond the budget.
 
         - `points`: points [points dimension], moved to the nearest point of the cube.
         """
@@ -126,7 +127,7 @@ class EvaluatedPoints:
         """Return the lowest points.
 
         - `keep`: largest number of points.
-        - `distance`: least difference of any two points in one coordinate.
+        - `distance`: least difference of any two points in at least one coordinate.
         - `stop`: reason for the end of the search.
         """
         points, values = self.all
@@ -148,11 +149,11 @@ FAR = 10.0
 
 
 LANES = 8
-"""Width of the vectors in which runs are computed."""
+"""Number of runs that the native engine computes in one SIMD vector."""
 
 
 def population(dimension: int) -> int:
-    """Return the number of points per generation: the default of CMA-ES, rounded up to full vectors.
+    """Return the number of points per generation of CMA-ES: its default, rounded up to a multiple of 8.
 
     - `dimension`: dimension of the cube.
     """
@@ -179,14 +180,14 @@ class Island:
         self._points: list[np.ndarray] = []
 
     def ask(self) -> np.ndarray:
-        """The points of the next generation [points dimension], possibly outside the cube."""
+        """Return the points of the next generation [points dimension], possibly outside the cube."""
         self._points = [self._search.ask() for _ in range(self._search.population_size)]
         return np.array(self._points)
 
     def tell(self, values: np.ndarray) -> None:
         """Pass the values of the last generation to CMA-ES.
 
-        - `values`: values at the nearest points inside [points]; +∞ for failed points.
+        - `values`: for each point of `ask`, the value of the nearest point inside the cube [points]; +∞ if it failed.
         """
         good = values[np.isfinite(values)]
         spread = float(np.ptp(good)) if good.size else 1.0
@@ -219,13 +220,13 @@ STEP = 1e-5
 """Step of the finite differences: far above a run's rounding errors, far below its nonlinearity."""
 
 ITERATIONS = 10
-"""Largest number of iterations; a nonsmooth function ends them earlier."""
+"""Largest number of L-BFGS-B iterations; a nonsmooth function ends them earlier."""
 
 
 def refine(evaluated: EvaluatedPoints, start: np.ndarray) -> None:
-    """Descend from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995) with differences.
+    """Descend from a point by L-BFGS-B (R. H. Byrd and others, SIAM J. Sci. Comput. 16, 1995).
 
-    The points of a gradient are evaluated in a batch.
+    The gradient is by finite differences, whose points are evaluated in a batch. The lowest point is in `evaluated`.
 
     - `evaluated`: evaluates and records all points.
     - `start`: a point of the cube [dimension].
@@ -259,7 +260,7 @@ CORNERS = 4
 
 
 def spread_points(dimension: int, count: int, *, seed: int) -> np.ndarray:
-    """Points of the unit cube [count, dimension]: its middle, some corners, and Sobol's sequence, scrambled.
+    """Return points of the unit cube [count, dimension]: its middle, some corners, and a scrambled Sobol sequence.
 
     - `count`: number of points.
     - `seed`: seed for the scrambling and the choice of corners.
@@ -282,7 +283,7 @@ def _corners(dimension: int, most: int, rng: np.random.Generator) -> np.ndarray:
 
 
 FIRST = 0.3
-"""Largest share of the budget for the spread points."""
+"""Largest share of the budget for the spread points, with which a search begins."""
 
 LAST = 0.1
 """Share of the budget that is reserved for the quasi-Newton steps."""
@@ -320,7 +321,8 @@ def search_lowest(
     - `seconds`: time limit after which no batch begins; None for no limit.
     - `enough`: value below which the search ends; None for no such value.
     - `islands`: number of CMA-ES islands.
-    - `keep`, `distance`: number of returned points, and the least difference in one of their coordinates.
+    - `keep`: largest number of returned points.
+    - `distance`: any two returned points differ by at least this in one coordinate.
 
     Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
     """
@@ -349,7 +351,7 @@ def search_lowest(
 def _search_by_islands(
     known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, reserve: int
 ) -> Stop:
-    """Search by islands; return "settled" when only the reserve is left."""
+    """Search by islands until only `reserve` evaluations are left; return the reason for the end, then "settled"."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
     points, values = known.all

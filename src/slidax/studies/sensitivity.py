@@ -18,7 +18,7 @@ from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, 
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Sobol indices of a result (I. M. Sobol', Math. Comput. Simul. 55, 2001).
+    """Sobol indices of one scalar result of the runs (I. M. Sobol', Math. Comput. Simul. 55, 2001).
 
     - `first`: first-order index of each group of values, for its effect alone [groups].
     - `total`: total index of each group, including interactions with other groups [groups].
@@ -36,9 +36,11 @@ class SobolIndices:
 
 
 def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np.ndarray:
-    """Sample points for Sobol indices, by Saltelli's scheme [base (groups + 2), dimension].
+    """Return the points at which Sobol indices need a result, by Saltelli's scheme [base (groups + 2), dimension].
 
-    - `groups`: number of coordinates in each group that gets an index.
+    The points are in the unit cube, whose dimension is the sum of the groups.
+
+    - `groups`: number of coordinates in each group; a group gets one index.
     - `base`: a power of two, at least a few hundred.
     - `seed`: seed of the scrambling.
 
@@ -53,9 +55,9 @@ def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np
 def sobol_indices(
     results: np.ndarray, groups: Sequence[int], *, confidence: float = 0.95, seed: int = 0
 ) -> SobolIndices:
-    """Sobol indices of a result, by SALib, with intervals from 100 resamples.
+    """Return the Sobol indices of a result, by SALib, with confidence intervals from 100 resamples.
 
-    - `results`: the result at all `points_for_indices`, in their order [base (groups + 2)].
+    - `results`: the result at each of the `points_for_indices`, in their order [base (groups + 2)].
     - `groups`: as in `points_for_indices`.
     - `seed`: seed of the resampling.
 
@@ -115,9 +117,9 @@ class Sensitivity(AbstractStudy):
     base: Annotated[int, Field(ge=2, le=2**24)] = 256
     """Base of the sample size, a power of two: the study needs `base` times (number of shares + 2) runs."""
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
-    """Results: `margin`, or metrics such as `steady_error`."""
+    """Results whose variance is explained: `margin`, or metrics such as `steady_error`."""
     each: Literal["path", "number"] = "path"
-    """`path`: a share for each path, such as the friction of all joints; `number`: a share for each number."""
+    """`path`: a share for each path, such as the friction of all joints; `number`: a share for each joint's number."""
     confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: RunOptions) -> SensitivityResult:
@@ -126,7 +128,7 @@ class Sensitivity(AbstractStudy):
         self.require(
             bool(space.sets),
             "uncertainty",
-            "is empty: no value could have a share; give sets of uncertain values",
+            "is empty: there is no value to compute an index for; give sets of uncertain values",
         )
         self.require(self.base & (self.base - 1) == 0, "base", f"must be a power of two, such as 256; got {self.base}")
         names = list(space.widths) if self.each == "path" else space.coordinates
@@ -153,8 +155,8 @@ class Sensitivity(AbstractStudy):
 class SensitivityResult(AbstractTableResult):
     """Result of a sensitivity study.
 
-    - `names`: paths, or single numbers, that have a share.
-    - `indices`: Sobol indices by result.
+    - `names`: names of the groups of values: paths, or numbers such as `robot.plant.coulomb[0]`.
+    - `indices`: Sobol indices by result, in the order of `names`.
     - `missing`: for results without indices, the number of runs that lack the result.
     """
 

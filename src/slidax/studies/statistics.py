@@ -49,12 +49,12 @@ RESAMPLES = 9999
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """Difference of a quantity between two groups on the same cases.
+    """Difference of a quantity between two groups, first minus second, on the same cases.
 
     - `pairs`: number of cases with a value in both groups.
     - `mean`, `median`: mean and median difference; None without pairs.
-    - `of_mean`: interval of the mean by the bootstrap (BCa); None for fewer than two pairs.
-    - `of_median`: distribution-free interval of the median from order statistics; None for fewer than two pairs.
+    - `of_mean`: confidence interval of the mean by the bootstrap (BCa); None for fewer than two pairs.
+    - `of_median`: distribution-free interval of the median, from order statistics; None for fewer than two pairs.
     - `p_value`: p-value of Wilcoxon's signed-rank test of symmetry about 0; None for fewer than two pairs.
     """
 
@@ -121,10 +121,10 @@ def _of_median(d: np.ndarray, confidence: float) -> Interval | None:
 
 @dataclass(frozen=True)
 class PairedShares:
-    """Difference of two shares on the same cases.
+    """Difference between the shares of cases with a property in two groups, on the same cases.
 
     - `pairs`: number of cases.
-    - `only_one`, `only_other`: number of cases that are true only for the first, and only for the second.
+    - `only_one`, `only_other`: number of cases with the property only in the first group, and only in the second.
     - `difference`: first share minus second share.
     - `interval`: interval of the difference; None without cases.
     - `p_value`: p-value of McNemar's exact test (Psychometrika 12, 1947) of equal shares; 1 if no case differs.
@@ -139,14 +139,14 @@ class PairedShares:
 
 
 def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedShares:
-    """Return the difference between the shares of true cases in the first and in the second group.
+    """Return statistics of the difference, first minus second, between two groups' shares of cases with a property.
 
-    The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), with b and c the numbers of
-    cases that are true only for the first and only for the second:
+    The interval is that of D. G. Bonett and R. M. Price (J. Educ. Behav. Stat. 37, 2012), for n cases, of which b
+    have the property only in the first group and c only in the second, and the normal quantile z of (1 + confidence)/2:
 
         p₁ = (b + 1)/(n + 2),  p₂ = (c + 1)/(n + 2),  p₁ - p₂ ± z √((p₁ + p₂ - (p₁ - p₂)²)/(n + 2))
 
-    - `first`, `second`: a bool for each case [cases].
+    - `first`, `second`: True for each case with the property in this group [cases].
     - `confidence`: confidence of the interval.
 
     Raises DefinitionError if the shapes differ, or the confidence is not in (0, 1).
@@ -171,7 +171,9 @@ def paired_shares(first: Any, second: Any, confidence: float = 0.95) -> PairedSh
 def clopper_pearson(
     failures: int, runs: int, confidence: float = 0.95, side: Literal["both", "upper"] = "both"
 ) -> Interval:
-    """Exact confidence interval of the failure rate p for k failures in n runs.
+    """Return the exact confidence interval of the failure rate p for k failures in n runs.
+
+    X is the number of failures in n runs with the failure rate p:
 
         Pr(X <= k | p = upper) = α/2,   Pr(X >= k | p = lower) = α/2,   α = 1 - confidence
 
@@ -181,7 +183,7 @@ def clopper_pearson(
     - `failures`: k.
     - `runs`: n; [0, 1] for n = 0.
     - `confidence`: 1 - α.
-    - `side`: "upper" bounds the rate only from above.
+    - `side`: "both" for two ends, "upper" to bound the rate only from above.
 
     Raises DefinitionError if k is not in [0, n], or the confidence is not in (0, 1).
     """
@@ -199,18 +201,19 @@ NEVER = 0.5
 """Weight of the rate p = 0 in the mixture; the rest is a beta distribution."""
 
 SHAPE = 0.2
-"""Both parameters of the beta distribution: below 1/2, which favours rare failures and rare successes."""
+"""Both parameters a of the beta distribution: below 1/2, which favours rare failures and rare successes."""
 
 SMALLEST, LARGEST = 1e-300, 1.0 - 2.0**-53
 """Rates that are neither 0 nor 1."""
 
 
 def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> Interval:
-    """Anytime-valid interval of the failure rate p: a study may stop after any run, depending on the results so far.
+    """Return an anytime-valid interval of the failure rate p: the study may stop after any run, by the results so far.
 
         Lₙ(p) = pᵏ (1 - p)ⁿ⁻ᵏ
         Mₙ(p) = (w 1[k = 0] + (1 - w) B(k + a, n - k + a) / B(a, a)) / Lₙ(p)
 
+    with k failures in n runs, the beta function B, a = 0.2, w = 1/2, and 1[k = 0] equal to 1 without failures, else 0.
     For the true rate p, Mₙ(p) is a martingale with mean 1. By Ville's inequality it ever reaches 1/α with probability
     at most α. The interval is `{p: Mₙ(p) < 1/α}` (mixture method: H. Robbins, Ann. Math. Statist. 41, 1970). With the
     weight w = 1/2 on p = 0, the upper end without failures equals that of `clopper_pearson` at the same n and
@@ -239,7 +242,7 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
 
 
 def log_evidence(failures: Any, runs: Any, p: Any) -> np.ndarray:
-    """`log Mₙ(p)`, the evidence against the rate p; Mₙ(p) ever reaches 1/α with probability <= α if p is true.
+    """Return `log Mₙ(p)` of `confidence_sequence`: the larger, the stronger the evidence against the failure rate p.
 
     - `failures`: k, a number or an array.
     - `runs`: n, a number or an array.

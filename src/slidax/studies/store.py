@@ -1,4 +1,4 @@
-"""The rows of a study on disk: verified parts, and finally a table."""
+"""The rows of a study on disk: a file with a checksum for each chunk of rows, and finally one table of all rows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .cases import Columns
 IDENTITY = "study.json"
 
 STUDY, CONTENT = b"study", b"content"
-"""Keys of a part's metadata: the study of its rows, and a checksum of their values."""
+"""Keys in the metadata of a part, the file of a chunk: the digest of its study, and a checksum of its values."""
 
 LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_000_000
 """Largest sizes of a store's files [bytes]."""
@@ -32,7 +32,7 @@ MOST_NUMBERS = 10**9
 
 
 class DamagedError(Exception):
-    """A file of a store is damaged, or belongs to another study; the text says which."""
+    """A file of a store is damaged, or belongs to another study; the message has the reason, but not the file."""
 
 
 def read_identity(folder: Path) -> dict[str, Any]:
@@ -65,8 +65,9 @@ def study_of_rows(path: Path) -> str | None:
 
 
 def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PART) -> Any:
-    """Read a Parquet file as a table.
+    """Return the contents of a Parquet file as a pyarrow table.
 
+    - `path`: a part, or `rows.parquet`.
     - `rows`: required number of rows; None for any number.
     - `largest`: largest size of the file [bytes].
 
@@ -123,10 +124,10 @@ def columns_in(table: Any) -> Columns:
 
 
 def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
-    """Return columns as a pyarrow table.
+    """Return columns as a pyarrow table, with their meanings in its metadata, and null for NaN.
 
     - `columns`: columns by name.
-    - `notes`: meanings of the columns, by name.
+    - `notes`: meanings of columns, by name.
     """
     import pyarrow as pa
 
@@ -140,7 +141,7 @@ def as_table(columns: Columns, notes: Mapping[str, str]) -> Any:
 
 
 def checksum(columns: Columns) -> str:
-    """Return a checksum of the columns' names, types and values."""
+    """Return a checksum of the columns' names, types and values: SHA-256, in hexadecimal."""
     total = hashlib.sha256()
     for name, values in columns.items():
         kind = values.dtype.kind
@@ -156,14 +157,14 @@ def checksum(columns: Columns) -> str:
 def digest_of(identity: Mapping[str, Any]) -> str:
     """Return the digest of a study, from everything that determines its rows.
 
-    - `identity`: the contents of `study.json`; `made_by` is ignored.
+    - `identity`: the contents of `study.json`; `made_by`, the software and machine, does not count.
     """
     content = {key: value for key, value in identity.items() if key != "made_by"}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def identity_in(path: Path) -> dict[str, Any]:
-    """Read a `study.json`.
+    """Return the contents of a `study.json`.
 
     - `path`: the file.
 
@@ -198,8 +199,8 @@ class Store:
     part, or one of another study, is computed again.
 
     - `folder`: the folder; it is created if missing.
-    - `identity`: everything that determines the rows, such as scenario, sets and seed.
-    - `resume`: True to keep existing rows.
+    - `identity`: contents of `study.json`: everything that determines the rows, such as scenario, sets and seed.
+    - `resume`: True to keep the rows of this study that the folder has.
     - `notes`: meanings of the columns, by name.
 
     Raises DefinitionError if the folder has another study, or if it has this study and `resume` is False.
@@ -255,7 +256,9 @@ class Store:
                 )
 
     def read(self, first: int, rows: int) -> Columns | None:
-        """Read the rows of a chunk; None, with a warning, if its part is damaged or belongs to another study.
+        """Return the columns of a chunk's rows; None if they are not stored.
+
+        A part that is damaged or belongs to another study counts as not stored, with a warning.
 
         - `first`: number of the first row.
         - `rows`: number of rows.
@@ -275,6 +278,7 @@ class Store:
         """Write the rows of a chunk.
 
         - `first`: number of the first row.
+        - `columns`: columns of the rows, by name.
 
         Raises OSError if the file cannot be written, such as on a full disk.
         """
@@ -289,7 +293,7 @@ class Store:
         write_bytes(path, buffer.getvalue().to_pybytes(), follow=False)
 
     def finish(self, rows: int) -> Path:
-        """Write all rows to a table, part by part, and return its path.
+        """Write the rows of all parts to `rows.parquet`, and return its path.
 
         - `rows`: required number of rows.
 
@@ -353,9 +357,9 @@ class Store:
 
 
 def count_rows(folder: Path) -> int:
-    """Return the number of rows in the parts of a study, including those of its schemes.
+    """Return the number of rows that are stored in the parts of a study.
 
-    - `folder`: folder of the study; it may be missing.
+    - `folder`: folder of the study, whose subfolders count, too, as for the schemes of a comparison; may be missing.
     """
     count = 0
     for parts in sorted({folder / PARTS, *folder.glob(f"*/{PARTS}")}):
@@ -367,7 +371,7 @@ def count_rows(folder: Path) -> int:
 
 
 def missing_rows(folder: Path, rows: int) -> list[range]:
-    """Return the rows of a study that none of its parts has, as ranges in order.
+    """Return the numbers of the rows that no part of a study has, as ranges in order.
 
     - `folder`: folder of the study, or of a scheme of a comparison; it may be missing.
     - `rows`: number of rows of the study.
@@ -381,13 +385,13 @@ def missing_rows(folder: Path, rows: int) -> list[range]:
 
 
 def read_rows(path: str | Path) -> Columns:
-    """Read a study's table of rows.
+    """Return the columns of a study's table `rows.parquet`, by name.
 
-    - `path`: `rows.parquet`, or its folder.
+    - `path`: the file, or its folder.
 
     Raises DefinitionError if the file is missing or damaged.
     """
-    parquet.require_pyarrow("keeping the rows of a study")
+    parquet.require_pyarrow("reading the rows of a study")
     path = Path(path) if Path(path).suffix == ".parquet" and not Path(path).is_dir() else Path(path) / ROWS
     if not path.parent.is_dir():
         raise DefinitionError(f"cannot read the rows of a study: there is no folder `{path.parent}`")

@@ -38,7 +38,7 @@ ChartKind = Literal[
     "search_history",
     "variance_shares",
 ]
-"""Names of functions in `slidax.report.figures`."""
+"""Names of the functions in `slidax.report.figures` that draw charts."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Chart:
 
     - `name`: name of its file, without suffix.
     - `title`, `caption`: texts next to it.
-    - `kind`, `values`: the function of `slidax.report.figures` that draws the chart, and its arguments.
+    - `kind`, `values`: name of the function in `slidax.report.figures` that draws the chart, and its arguments.
     """
 
     name: str
@@ -75,9 +75,9 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class AbstractResult(ABC):
-    """Result of a study.
+    """Base of the results of studies.
 
-    - `family`: the scenarios of its runs.
+    - `family`: the family to which the scenarios of all runs belong.
     - `path`: file or folder of the rows; None if they were not stored.
     - `computed`, `seconds`: number of newly computed rows, and their computing time.
     """
@@ -103,19 +103,19 @@ class AbstractResult(ABC):
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
-        """Return the result as JSON."""
+        """Return the result as plain values for JSON."""
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """Return scenarios that `slidax run` replays, by the names of their files without suffix."""
+        """Return scenarios for `slidax run`, such as the worst case, by the names of their files without suffix."""
         return {}
 
 
 @dataclass(frozen=True, kw_only=True)
 class AbstractTableResult(AbstractResult):
-    """Result of a study with a single table of rows.
+    """Base of the results of studies with a single table.
 
     - `study`: the study.
-    - `table`: the rows.
+    - `table`: columns by name, with a row for each run: values, outcome and metrics.
     """
 
     study: Any
@@ -128,22 +128,22 @@ class AbstractTableResult(AbstractResult):
 
     @property
     def failures(self) -> int:
-        """Number of failed runs; it estimates no probability if a search chose the runs."""
+        """Number of runs whose outcome is not `ok`; it estimates no probability if a search chose the runs."""
         return int(np.sum(self.table["outcome"] > 0))
 
     @property
     def good(self) -> bool:
-        """True if no run failed."""
+        """True if the outcome of every run is `ok`."""
         return not self.failures
 
 
 def all_done(runs: int) -> str:
-    """Return the sentence for a complete study."""
+    """Return the sentence “all N runs are done” for a number of `runs`."""
     return "the run is done" if runs == 1 else f"all {runs} runs are done"
 
 
 def worst_row(table: Columns) -> dict[str, Any]:
-    """Return the row with the least margin, as JSON."""
+    """Return number and margin of the row with the least envelope margin, for JSON; both None without an envelope."""
     margin = table["margin"]
     if not np.isfinite(margin).any():
         return NO_WORST_CASE
@@ -152,7 +152,7 @@ def worst_row(table: Columns) -> dict[str, Any]:
 
 
 def interval_of(interval: Interval | None) -> dict[str, float] | None:
-    """Return an interval as JSON."""
+    """Return an interval as a mapping for JSON; None for None."""
     if interval is None:
         return None
     return {"lower": interval.lower, "upper": interval.upper, "confidence": interval.confidence}
@@ -184,10 +184,10 @@ class RunOptions:
 
 
 class AbstractStudy(AbstractDescription):
-    """Base of all studies."""
+    """Base of all studies: many runs of a scenario, described by a study file."""
 
     of_rows: ClassVar[tuple[str, ...]] = ("seed",)
-    """Fields that determine the rows' values, in addition to the scenario and its sets."""
+    """Names of the fields that determine the cases, in addition to the scenario and its sets."""
     in_parts: ClassVar[bool] = False
     """True if the values of all rows are known in advance, so that several processes can share the rows."""
     study: Any
@@ -196,7 +196,7 @@ class AbstractStudy(AbstractDescription):
     scenario: str
     """Name of a built-in scenario, or path of a file, relative to the study's folder."""
     changes: dict[str, Any] = Field(default={})
-    """Values of the scenario by path, as with `--set`."""
+    """Changed values of the scenario by dotted path, as with `--set`."""
     uncertainty: Uncertainty = Field(default={})
     """Sets of uncertain values by path, in addition to the scenario's sets."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
@@ -206,9 +206,9 @@ class AbstractStudy(AbstractDescription):
 
     @abstractmethod
     def run(self, how: RunOptions) -> AbstractResult:
-        """Run the study.
+        """Run the study, and return its result.
 
-        - `how`: options.
+        - `how`: folder, pool and progress.
         """
 
     def described(self) -> ScenarioDescription:
@@ -221,16 +221,16 @@ class AbstractStudy(AbstractDescription):
             return alter_description(base, self.changes)
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """Return all sets of uncertain values, by path.
+        """Return the sets of uncertain values by path: the scenario's own, replaced or extended by the study's.
 
-        - `base`: the scenario.
+        - `base`: description of the scenario.
         """
         return {**base.uncertainty, **self.uncertainty}
 
     def family(self, varied: dict[str, AbstractSet] | None = None) -> Family:
         """Return the family of scenarios that the study runs.
 
-        - `varied`: sets of further values, by path, which the law also knows.
+        - `varied`: sets, by path, of values that the study varies and the law knows, such as its gains.
 
         Raises DefinitionError, with the path, if a set is empty or a value is out of range.
         """
@@ -238,10 +238,12 @@ class AbstractStudy(AbstractDescription):
         return Family.of(base, self.sets(base), varied or {})
 
     def runner(self, family: Family, how: RunOptions) -> Runner:
-        """Return the runner for the rows.
+        """Return the runner that computes the study's rows, or reads them from the folder `how.out`.
 
-        - `family`: the family of scenarios.
+        - `family`: the family of scenarios to run.
         - `how`: as in `run`.
+
+        Raises DefinitionError as `require_parts`, and as `Store` for the folder.
         """
         self.require_parts(how)
         task = StudyTask.of(family, self.engine)
@@ -256,7 +258,7 @@ class AbstractStudy(AbstractDescription):
         return Runner(task, chunk, store, how.pool, how.progress, how.part)
 
     def require_parts(self, how: RunOptions) -> None:
-        """Raise DefinitionError if `part` is set for a study that cannot be shared, or without a folder.
+        """Raise DefinitionError if `how.part` is set, but the study cannot be shared or has no folder.
 
         - `how`: as in `run`.
         """
@@ -272,10 +274,11 @@ class AbstractStudy(AbstractDescription):
             )
 
     def require(self, holds: bool, where: str, message: str) -> None:
-        """Raise DefinitionError at a field unless a condition holds.
+        """Raise DefinitionError for a field of the study unless a condition holds.
 
+        - `holds`: the condition.
         - `where`: path of the field.
-        - `message`: the rule and the value.
+        - `message`: text of the error: the rule, the value and the remedy.
         """
         if not holds:
             raise DefinitionError(message, where=where)

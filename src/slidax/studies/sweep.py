@@ -14,7 +14,7 @@ from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import OF_THE_LAW
 from slidax.scenarios.uncertainty import AbstractSet, Discrete, Uncertainty
 
-from .cases import points
+from .cases import LARGER_IS_BETTER, points
 from .runner import BELOW_ONE, BatchEvaluator
 from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Section, all_done, worst_row
 
@@ -30,13 +30,13 @@ class Sweep(AbstractStudy):
     in_parts: ClassVar[bool] = True
     study: Literal["sweep"]
     over: Annotated[Uncertainty, Field(min_length=1, max_length=MOST_AXES)]
-    """Sets by path of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""
+    """Sets of values, by path, of one or two parameters, such as `simulation.period: {choice: [5.0e-4, 1.0e-3]}`."""
     law: Literal["told", "not told"] = "told"
     """`told`: the law knows the swept values of arm, drives and sensors, as with `--set`; `not told`: it does not."""
     points: Annotated[int, Field(ge=2, le=1000)] = 21
     """Number of values of each parameter, from end to end of its set; a `choice` has its own."""
     of: str = "margin"
-    """Mapped quantity: `margin`, or a metric such as `steady_error`; each point has the value of its worst case."""
+    """Mapped quantity: `margin`, or a metric such as `steady_error`; a point of the map has its worst case's value."""
     cases: Annotated[int, Field(ge=1, le=1_000_000)] = 1
     """Number of random cases, the same at each point; 1 for the scenario's own values without uncertainty."""
 
@@ -48,7 +48,7 @@ class Sweep(AbstractStudy):
         self.require(
             self.cases == 1 or bool(others),
             "cases",
-            "needs a scenario with `uncertainty` for other values than those in `over`",
+            "greater than 1 needs uncertain values in addition to those in `over`: add sets to `uncertainty`, or set 1",
         )
         grid = np.meshgrid(*[np.arange(len(axis)) for axis in over.values()], indexing="ij")
         shape = grid[0].shape
@@ -68,7 +68,7 @@ class Sweep(AbstractStudy):
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
-        """Return the family of scenarios; by `law`, the law knows the swept values or not."""
+        """Return the family of scenarios; the field `law` decides if the law knows the swept values."""
         base = self.described()
         own = self.sets(base) if self.cases > 1 else {}
         hidden = {path: own for path, own in self.over.items() if self._is_hidden(path)}
@@ -80,7 +80,7 @@ class Sweep(AbstractStudy):
 
 
 def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndarray:
-    """Return the values of a parameter: those of a choice, or from end to end of its distribution."""
+    """Return the swept values of a parameter: all of a choice, or `count` from end to end of its distribution."""
     space = family.space
     # The full path in the family: the study file may abbreviate it.
     full = next((known for known in space.sets if space.sets[known] is values), path)
@@ -99,9 +99,9 @@ def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndar
 
 @dataclass(frozen=True)
 class SweepResult(AbstractTableResult):
-    """Result of a sweep; in its rows the case varies fastest, then the last parameter.
+    """Result of a sweep; from row to row the case varies fastest, then the last parameter.
 
-    - `axes`: values of each parameter, by path.
+    - `axes`: swept values of each parameter, by path; the first axis is the value.
     - `shape`: number of values of each parameter.
     """
 
@@ -111,18 +111,18 @@ class SweepResult(AbstractTableResult):
 
     @property
     def ended(self) -> str:
-        """Sentence that all runs are done."""
+        """The sentence “all N runs are done”."""
         return all_done(self.runs)
 
     @property
     def worst(self) -> np.ndarray:
-        """The least margin, or the largest value of a metric, at each point; array of `shape`."""
+        """The worst value over the cases at each point, which is the least for a margin; array of `shape`."""
         numbers = self.table[self.study.of].reshape(*self.shape, -1)
         if self.study.of == "margin":
             bad = self.table["outcome"].reshape(numbers.shape) > 0
             numbers = np.where(np.isnan(numbers) & bad, -1.0, numbers)
             return np.asarray(numbers.min(axis=-1))
-        return np.asarray(numbers.max(axis=-1))
+        return np.asarray(numbers.min(axis=-1) if self.study.of in LARGER_IS_BETTER else numbers.max(axis=-1))
 
     @property
     def failing(self) -> np.ndarray:
@@ -140,9 +140,9 @@ class SweepResult(AbstractTableResult):
 
     def sections(self) -> list[Section]:
         axes = {self._label(path): one_number(axis) for path, axis in self.axes.items()}
-        is_margin = self.study.of == "margin"
+        is_margin, larger_is_better = self.study.of == "margin", self.study.of in LARGER_IS_BETTER
         caption = "The worst case at each point." if self.study.cases > 1 else "A single case."
-        label = ("least " if is_margin else "largest ") + self.study.of.replace("_", " ")
+        label = ("least " if larger_is_better else "largest ") + self.study.of.replace("_", " ")
         maps = [Chart("map", label, caption, "parameter_map", (axes, self.worst, label, 0.0 if is_margin else None))]
         if self.study.cases > 1:
             share = "share of cases that fail"
@@ -157,7 +157,8 @@ class SweepResult(AbstractTableResult):
         head = (*axes, label, "Failing")
         if len(rows) <= MOST_ROWS:
             return [Section("The map", "", head, rows, maps)]
-        order = np.argsort(self.worst.ravel() if is_margin else -self.worst.ravel(), kind="stable")[:MOST_ROWS]
+        badness = self.worst.ravel() if larger_is_better else -self.worst.ravel()
+        order = np.argsort(badness, kind="stable")[:MOST_ROWS]
         note = f"The table has the worst {MOST_ROWS} of {len(rows)} points."
         return [Section("The map", note, head, [rows[k] for k in order], maps)]
 
@@ -183,5 +184,5 @@ class SweepResult(AbstractTableResult):
 
 
 def one_number(axis: np.ndarray) -> np.ndarray:
-    """Return a number for each value of a parameter: that of the first joint if there are several."""
+    """Return one number for each swept value: the first joint's if a value has a number for each joint."""
     return np.asarray(axis, float).reshape(len(axis), -1)[:, 0]

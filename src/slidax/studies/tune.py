@@ -18,7 +18,7 @@ from slidax.scenarios.load import alter_description
 from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertainty import Uncertainty
 
-from .cases import Columns, Values, points
+from .cases import LARGER_IS_BETTER, Columns, Values, points
 from .overview import share
 from .pareto import Front, FrontEvaluation, pareto_search
 from .predicates import ENVELOPE, Predicate
@@ -28,14 +28,14 @@ from .study import NO_WORST_CASE, AbstractResult, AbstractStudy, Cell, Chart, Ru
 
 
 class CaseEvaluator:
-    """Evaluates candidate gains, as points of the unit cube, on the same cases.
+    """Evaluates candidate gains, as points of the unit cube, all on the same cases.
 
-    - `evaluator`: runs the rows.
-    - `gains`: maps points to gains.
-    - `cases`: values by path of each case.
+    - `evaluator`: simulates the rows.
+    - `gains`: sets of the gains, which map points to gains.
+    - `cases`: uncertain values of the cases: an array for each path, whose first axis is the case.
     - `aims`: keys of the metrics whose means over the cases are minimised.
     - `holds`: properties that must hold in every case.
-    - `margin`: least margin required in every case.
+    - `margin`: least envelope margin required in every case.
     """
 
     def __init__(
@@ -62,15 +62,15 @@ class CaseEvaluator:
     def judge(self, cube: np.ndarray) -> FrontEvaluation:
         """Return the objectives and constraint violations of candidates.
 
-        - `cube`: candidates [candidates gains], in [0, 1].
+        - `cube`: candidates [candidates dimensions], in [0, 1].
         """
         return evaluate_aims(self.rows(cube, self.cases), self.each, self.aims, self.holds, self.margin)
 
     def rows(self, cube: np.ndarray, cases: Values) -> Columns:
-        """Run each candidate on each case, and return the rows candidate by candidate.
+        """Simulate each candidate on each case, and return the table of rows, candidate by candidate.
 
-        - `cube`: candidates [candidates gains], in [0, 1].
-        - `cases`: values by path of each case.
+        - `cube`: candidates [candidates dimensions], in [0, 1].
+        - `cases`: uncertain values of the cases: an array for each path, whose first axis is the case.
         """
         gains = self.gains.values(np.clip(cube, 0.0, BELOW_ONE))
         each = len(next(iter(cases.values()))) if cases else 1
@@ -84,14 +84,19 @@ def evaluate_aims(
 ) -> FrontEvaluation:
     """Return the objectives and constraint violations of candidates from their rows.
 
+    - `columns`: table of the rows, candidate by candidate.
     - `each`: number of rows per candidate.
     - `aims`, `holds`, `margin`: as in `CaseEvaluator`.
 
-    Raises DefinitionError if there is no such metric.
+    Raises DefinitionError if there is no such metric, or if a larger value of it is better.
     """
     for aim in aims:
         if aim not in columns:
             raise DefinitionError(f"there is no metric `{plain_name(aim)}`; {nearest_word(aim, columns)}", where="aims")
+        if aim in LARGER_IS_BETTER:
+            raise DefinitionError(
+                f"aims are minimised, and a larger `{aim}` is better: require it by `holds: {aim} > 0.1`", where="aims"
+            )
     means = np.stack([columns[aim].reshape(-1, each).mean(axis=1) for aim in aims], axis=1)
     failing = np.zeros(len(columns["outcome"]))
     for item in holds:
@@ -105,11 +110,11 @@ def evaluate_aims(
 
 
 def point_of_own_values(space: Space) -> np.ndarray:
-    """Return the point of the unit cube for the scenario's own gains, or the nearest point [dimensions].
+    """Return the point of the unit cube that gives the scenario's own gains, or the nearest point [dimensions].
 
-    The coordinates of a gain without a value in the scenario are 0.5.
+    A gain that has no value in the scenario gets the coordinate 0.5.
 
-    - `space`: a space whose values increase with their coordinates.
+    - `space`: sets of the gains, whose values increase with the coordinates.
     """
     low, high = np.zeros(space.dimensions), np.ones(space.dimensions)
     for _ in range(50):
@@ -147,11 +152,11 @@ def rows_of(columns: Columns, first: int, last: int | None) -> Columns:
 
 @dataclass(frozen=True)
 class Candidate:
-    """Score of gains on held-out cases.
+    """Score of one set of gains on the held-out cases.
 
     - `aims`: mean of each metric, by its key.
     - `failures`, `runs`: number of cases in which a property failed, and of all cases.
-    - `holding`: interval of the probability that all properties hold.
+    - `holding`: confidence interval of the probability that all properties hold.
     """
 
     aims: dict[str, float]
@@ -168,7 +173,7 @@ class TuneResult(AbstractResult):
     - `base`: description of the scenario with the current gains.
     - `front`: the Pareto front, with objectives on the training cases.
     - `gains`: gains of each candidate on the front, by path.
-    - `before`: objectives of the current gains on the training cases.
+    - `before`: objectives of the current gains on the training cases [aims].
     - `today`: rows of the current gains on the held-out cases.
     - `held_out`: rows of the front on the held-out cases, candidate by candidate; None if the front is empty.
     - `table`: all rows except those of the current gains.
@@ -193,7 +198,7 @@ class TuneResult(AbstractResult):
 
     @property
     def best(self) -> int | None:
-        """Index of the candidate whose worst objective, relative to the current gains, is smallest in training."""
+        """Index on the front of the candidate whose largest ratio of an objective to today's is least in training."""
         if not len(self.gains):
             return None
         reference = np.where(np.isfinite(self.before), self.before, self.front.aims.min(axis=0))
@@ -201,7 +206,7 @@ class TuneResult(AbstractResult):
 
     @property
     def ended(self) -> str:
-        """Sentence on how many candidates hold in all training cases."""
+        """The sentence “n of N candidates hold in all cases”: n candidates violate no property in any training case."""
         if not len(self.gains):
             return f"none of {self.front.evaluations} candidates holds in all cases"
         return f"{self.front.holding} of {self.front.evaluations} candidates hold in all cases"
@@ -235,7 +240,7 @@ class TuneResult(AbstractResult):
         )
 
     def difference(self, index: int, aim: str) -> PairedDifference:
-        """Return an objective's difference between a candidate and the current gains, case by case.
+        """Return statistics of an objective's difference, candidate minus current gains, over the held-out cases.
 
         - `index`: index of the candidate on the front.
         - `aim`: key of the objective's metric.
@@ -244,7 +249,7 @@ class TuneResult(AbstractResult):
 
     @property
     def good(self) -> bool:
-        """True if the best gains held in all held-out cases."""
+        """True if all properties hold in all held-out cases with the best gains."""
         return self.best is not None and not self.judged(self.best).failures
 
     @property
@@ -262,7 +267,7 @@ class TuneResult(AbstractResult):
         return [f"front-{index + 1}" for index in range(len(self.gains))]
 
     def scenarios(self) -> dict[str, ScenarioDescription]:
-        """Return the scenario with the best gains, and with each candidate's gains, by file name."""
+        """Return the scenarios with the best gains, `best`, and with the front's gains, `front-1`, ..., by name."""
         built = [alter_description(self.base, gains) for gains in self.gains]
         best = {} if self.best is None else {"best": built[self.best]}
         return {**best, **dict(zip(self._names, built, strict=True))}
@@ -354,7 +359,7 @@ def _label(aim: str) -> str:
 
 
 def distinct_ends(paths: Sequence[str]) -> list[str]:
-    """Return the shortest end of each path, in whole words, that no other path has."""
+    """Return each path's shortest end, such as `surface.k1`, that no other path ends with."""
     words = [path.split(".") for path in paths]
 
     def shared(end: list[str]) -> bool:
@@ -381,13 +386,13 @@ class Tune(AbstractStudy):
 
     study: Literal["tune"]
     gains: Annotated[Uncertainty, Field(min_length=1)]
-    """Sets of tuned values by path, such as `scheme.surface.k1: {between: [0.1, 2]}`."""
+    """Sets of the tuned values by path, such as `scheme.surface.k1: {between: [0.1, 2]}`."""
     aims: Annotated[tuple[str, ...], Field(min_length=1)] = AIMS
     """Metrics to minimise, as means over the cases."""
     holds: tuple[str, ...] = (ENVELOPE,)
     """Properties that must hold in every case: `envelope`, or a condition such as `steady_error < 1e-3`."""
     margin: float = input_field(
-        "least margin in every training case, as a reserve for other cases", "", "[0, 1)", default=0.0
+        "least envelope margin in every training case, as a reserve for other cases", "", "[0, 1)", default=0.0
     )
     cases: Annotated[int, Field(ge=1, le=100_000)] = 16
     """Number of training cases; without uncertainty there is a single case."""
@@ -437,7 +442,7 @@ class Tune(AbstractStudy):
         )
 
     def _cases(self, family: Family) -> tuple[Values, Values]:
-        """Return the values by path of the training cases and of the held-out cases."""
+        """Return the uncertain values of the training cases and of the held-out cases."""
         space = family.uncertain
         if not space.sets:
             return {}, {}
@@ -452,7 +457,7 @@ class Tune(AbstractStudy):
         return len(next(iter(cases.values()))) if cases else 1
 
     def _today(self, how: RunOptions, known: Values, unseen: Values) -> Columns:
-        """Run the current gains on all cases, and return the rows."""
+        """Simulate the current gains on all cases, and return the table of rows, training cases first."""
         family = self.family()
         runner = self.runner(family, replace(how, out=None if how.out is None else Path(how.out, "today")))
         both = {path: np.concatenate([known[path], unseen[path]]) for path in known}

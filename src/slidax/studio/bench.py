@@ -25,10 +25,10 @@ from .files import Folder, require_ending
 from .references import YAML, require_beneath, require_file_beneath
 
 MOST_SAMPLES = 2_000_000
-"""Largest number of joints times samples in an interactive run; longer runs are jobs."""
+"""Largest product of joints and samples in an interactive run; longer runs are jobs."""
 
 MOST_ROWS = 2001
-"""Largest number of rows of a signal in an answer."""
+"""Largest number of logged samples in an answer."""
 
 OWN_FAULT = "not computed because of a fault in slidax: please report it"
 """Beginning of the answer to an unexpected exception."""
@@ -84,7 +84,10 @@ class Bench:
         }
 
     def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        """Return the answer or error for a `request`, and binary data; the field `do` has the kind of question."""
+        """Return the answer to a request, or its error, as a mapping, and binary data, often empty.
+
+        - `request`: fields of the request; `do` is its kind, such as "run".
+        """
         with warnings.catch_warnings(record=True) as recorded:
             warnings.simplefilter("always")
             try:
@@ -113,7 +116,9 @@ class Bench:
         scenario = self._scenario(request)
         samples = scenario.t1 / scenario.period
         if samples * scenario.state0.q.size > MOST_SAMPLES:
-            raise DefinitionError(f"{samples:.3g} samples take too long here: shorten `simulation.t1`, or use a job")
+            raise DefinitionError(
+                f"a run of {samples:.3g} samples takes too long here: shorten `simulation.t1`, or start it as a job"
+            )
         every = max(1, int(np.ceil(samples / (MOST_ROWS - 1))))
         started = time.perf_counter()
         run = scenario.simulate(log_every=every)
@@ -202,7 +207,9 @@ if TYPE_CHECKING:
 
 
 def result_of(run: Run, scenario: Scenario, milliseconds: float) -> tuple[dict[str, Any], bytes]:
-    """Return the head of a result, and its signals as bytes: 64-bit floats, signal by signal, a row per logged sample.
+    """Return a run's outcome, metrics and names of signals as a mapping, and the signals as bytes.
+
+    The bytes are 64-bit floats, signal by signal; each signal has a row per logged sample.
 
     - `run`, `scenario`: a run with a log, and its scenario.
     - `milliseconds`: computing time.

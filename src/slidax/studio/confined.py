@@ -62,7 +62,11 @@ def readable_folders() -> list[Path]:
 
 
 def writable_folders(root: Path, scratch: Path) -> list[Path]:
-    """Return the folder `root`, the process's folder `scratch`, the caches of slidax and matplotlib, and devices."""
+    """Return what a confined process may write: `root`, `scratch`, caches of slidax and matplotlib, and devices.
+
+    - `root`: the studio's folder.
+    - `scratch`: temporary folder of the process.
+    """
     from platformdirs import user_cache_path
 
     caches = [user_cache_path("slidax"), user_cache_path("matplotlib")]
@@ -78,7 +82,11 @@ def _real(paths: Iterable[Any]) -> list[Path]:
 
 
 class Watch:
-    """Audit hook that refuses file access outside the folders and files `read` and `write`."""
+    """Audit hook that refuses access to files outside some folders, and network connections.
+
+    - `read`: files and folders that may be read.
+    - `write`: files and folders that may be read and written.
+    """
 
     def __init__(self, read: Iterable[Path], write: Iterable[Path]) -> None:
         self._write = tuple(str(path) for path in write)
@@ -177,11 +185,15 @@ def _require_within(real: str, path: Any, allowed: tuple[str, ...]) -> None:
 
 
 def _refuse(*arguments: Any, **named: Any) -> None:
-    raise PermissionError(errno.EACCES, "processes of the studio must not create such files")
+    raise PermissionError(errno.EACCES, "processes of the studio must not create pipes or device files")
 
 
 def confine(root: Path, scratch: Path) -> bool:
-    """Give up access to everything except the folder `root` and `scratch`; return True if the kernel enforces it."""
+    """Limit this process to the folders that it needs; return True if the kernel enforces it.
+
+    - `root`: the studio's folder.
+    - `scratch`: temporary folder of the process.
+    """
     os.environ |= {"TMPDIR": str(scratch), "TEMP": str(scratch), "TMP": str(scratch), "PYTHONDONTWRITEBYTECODE": "1"}
     sys.dont_write_bytecode = True
     read, write = readable_folders(), writable_folders(root, scratch)
@@ -230,7 +242,11 @@ class _Beneath(ctypes.Structure):
 
 
 def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
-    """Give up all files except `read` and `write`, and all TCP connections; return False without Landlock."""
+    """Give up files and TCP connections of this process by Landlock; return False if the kernel does not support it.
+
+    - `read`: files and folders that it may still read.
+    - `write`: files and folders that it may still read and write.
+    """
     if sys.platform != "linux":
         return False
     kernel = ctypes.CDLL(None, use_errno=True)

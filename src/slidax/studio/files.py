@@ -67,7 +67,7 @@ DEEPEST = 6
 """Largest nesting depth in a listing."""
 
 BY_DESCRIPTOR = os.open in os.supports_dir_fd
-"""True if the system can open files relative to an open folder, so that nobody can replace the folder meanwhile."""
+"""True if the system can open files relative to an open folder, so that nobody can replace the folder in between."""
 
 _FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | os.O_RDONLY
 _FILE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
@@ -105,7 +105,10 @@ class Folder:
         return self.beneath(self.root.joinpath(*parts_of(name)), name)
 
     def beneath(self, path: Path, name: str) -> Path:
-        """Return a `path` with links resolved; `name` is for messages.
+        """Return a path with links resolved.
+
+        - `path`: any path.
+        - `name`: its name in messages.
 
         Raises OutsideError if the path is not below the folder.
         """

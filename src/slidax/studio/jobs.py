@@ -216,9 +216,14 @@ def _positional(command: JobCommand, folder: Folder, value: Any, name: str) -> N
 
 
 def command_of(folder: Folder, job: str, options: Mapping[str, Any]) -> JobCommand:
-    """Return the command of a `job` with `options` from the page; the option `replace` allows overwriting results.
+    """Return the command of a job, with its options checked.
 
-    Raises DefinitionError for unknown or invalid options, and OutsideError for a file outside the `folder`.
+    - `folder`: the studio's folder.
+    - `job`: kind of the job, a key in `COMMANDS`.
+    - `options`: options from the page, by name; `replace` allows overwriting results.
+
+    Raises DefinitionError for unknown or invalid options, OutsideError for a file outside the folder, and
+    FileExistsError if results would be overwritten.
     """
     if job not in COMMANDS:
         raise DefinitionError(f"unknown job `{plain_name(job)}`; {nearest_word(str(job), COMMANDS)}")
@@ -257,7 +262,7 @@ State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
 
 class TooManyError(DefinitionError):
-    """Too many jobs wait."""
+    """A job is refused: too many jobs wait, or the studio is shutting down."""
 
 
 @dataclass(eq=False)
@@ -271,7 +276,8 @@ class StudioJob:
     - `state`, `code`: state of the job, and exit code of its process; None before its end.
     - `begun`, `seconds`: start and duration [s].
     - `key`: secret part of the address of the results.
-    - `process`, `task`: its process and its task.
+    - `process`: the process of the command.
+    - `task`: the asyncio task that starts the process and waits for it.
     """
 
     name: str
@@ -296,7 +302,7 @@ class Jobs:
     """The jobs of a server.
 
     - `folder`: the studio's folder.
-    - `private`: the server's own folder.
+    - `private`: the server's own folder, in which each job has a folder.
     - `module`: module of the command line; a job calls its `main`.
     """
 
@@ -307,7 +313,10 @@ class Jobs:
         self._closed = False
 
     def add(self, kind: str, options: Mapping[str, Any]) -> StudioJob:
-        """Queue a new job of a `kind` with `options` from the page.
+        """Queue a new job and return it.
+
+        - `kind`: key in `COMMANDS`.
+        - `options`: options from the page, by name.
 
         Raises DefinitionError for invalid options, FileExistsError if results would be overwritten, TooManyError if too
         many jobs wait.
@@ -338,11 +347,11 @@ class Jobs:
         raise LookupError(key)
 
     def all(self) -> list[dict[str, Any]]:
-        """Return all jobs as the page shows them, the newest first, without logs and answers."""
+        """Return all jobs as mappings for the page, the newest first, without logs and answers."""
         return [self.shown(job, detailed=False) for job in reversed(self._jobs.values())]
 
     def shown(self, job: StudioJob, *, detailed: bool = True) -> dict[str, Any]:
-        """Return a `job` as the page shows it; if `detailed`, with its log, answer and links to its results."""
+        """Return a `job` as a mapping for the page; if `detailed`, with its log, answer and links to its results."""
         log = _tail(job.private / "log", LOG)
         rows = ROWS.findall(log)
         seconds = time.monotonic() - job.begun if job.state == "running" else job.seconds

@@ -1,4 +1,4 @@
-"""Manifest of the page's playground for a scenario: arm, laws, choices and sliders."""
+"""Manifest of a scenario, the data from which the page builds its controls: arm, laws, choices and sliders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RIVALS = {
     "slotine_li": "Slotine-Li",
     "super_twisting": "super-twisting",
 }
-"""Schemes offered in addition to the scenario's own, with the same estimator."""
+"""Schemes that the page offers in addition to the scenario's own, with the same estimator; titles by name."""
 
 PERIODS = (0.5, 1.0, 2.0, 4.0)
 """Selectable multiples of the scenario's sample time."""
@@ -32,7 +32,10 @@ PROGRAM = "server"
 
 
 def manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """Return the playground's manifest for a `scenario`; the server runs all its variants."""
+    """Return the manifest of a `scenario`: its own law and other laws, with choices and sliders.
+
+    The server simulates every variant, that is, every combination of the choices.
+    """
     description = scenario.description
     joints = int(scenario.state0.q.size)
     settings = [_setting(description, scenario.scheme, scenario.scheme, "ours", joints)]
@@ -58,9 +61,9 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
 
 
 def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
-    """Return the manifest for a `scenario` whose own law runs in the page; the server runs all other variants.
+    """Return the manifest of a `scenario`, with its own law as WebAssembly that the page runs.
 
-    The page runs the law as WebAssembly.
+    Only the variant with the scenario's own period and delay runs in the page; the server simulates all others.
 
     Raises DefinitionError if the law cannot be compiled for a page.
     """

@@ -1,4 +1,4 @@
-"""Confined processes of the server, and the questions to the workbench."""
+"""Start and end of the server's confined processes, and questions to the workbench process."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ async def start_process(
     - `root`: the studio's folder.
     - `private`: a folder for this process, created if missing.
     - `module`, `words`: module whose `main` is called, and its arguments.
-    - `out`, `errors`: receive its output and its errors.
+    - `out`, `errors`: files or `subprocess.PIPE` for its standard output and standard error.
     - `low_priority`: True to run at lower priority.
     """
     private.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -126,8 +126,9 @@ class Workbench:
                 await self._ready()
 
     async def ask(self, question: dict[str, Any], *, only_newest: str = "") -> tuple[dict[str, Any], bytes]:
-        """Return the answer of `Bench.answer` to a `question`, and its binary data.
+        """Return the answer to a question, a mapping, and its binary data.
 
+        - `question`: as `Bench.answer` takes it.
         - `only_newest`: name of a sender. Of its waiting questions, only the newest is answered.
 
         Raises OvertakenError if the sender asked a newer question in the meantime.
@@ -144,7 +145,9 @@ class Workbench:
             except (TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, OSError, ValueError) as error:
                 await end_process(process, gently=False)
                 took = isinstance(error, TimeoutError)
-                reason = f"more than {self._longest:g} s" if took else f"the process ended ({process.returncode})"
+                reason = (
+                    f"it took more than {self._longest:g} s" if took else f"the process ended ({process.returncode})"
+                )
                 return {"error": {"where": "", "message": f"Not computed: {reason}. Try again."}}, b""
             except asyncio.CancelledError:
                 # Otherwise this answer would be taken for that of the next question.

@@ -19,13 +19,13 @@ MOST = 32_000_000
 """Largest file that is searched for references [bytes]."""
 
 FILES = 100
-"""Largest number of files that refer to each other."""
+"""Largest number of files that are searched for references."""
 
 NAMING = re.compile(r"(^|\.)(file|scenario|robot|packages|log)(\.\d+)?$")
-"""Keys, and paths of values, whose values are file names."""
+"""Keys and dotted paths whose values are file names."""
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-"""MJCF attributes with search folders of MuJoCo."""
+"""MJCF attributes that name folders in which MuJoCo searches files."""
 
 
 def require_beneath(folder: Folder, data: Any, where: Path) -> None:
@@ -34,7 +34,7 @@ def require_beneath(folder: Folder, data: Any, where: Path) -> None:
     Missing and unreadable files are ignored here: their reader reports them.
 
     - `folder`: the studio's folder.
-    - `data`: mappings, lists and values of a scenario, a study, requirements, or changes by path.
+    - `data`: parsed content of a scenario, a study or requirements, or changes by dotted path.
     - `where`: folder to which file names are relative.
     """
     _Walk(folder).through(data, where)
@@ -79,7 +79,10 @@ class _Walk:
             )
         self._visited.add(path)
         if len(self._visited) > FILES:
-            raise DefinitionError(f"more than {FILES} files refer to each other")
+            raise DefinitionError(
+                f"the file refers, directly or through other files, to more than {FILES} files, which is the studio's "
+                "limit: merge or remove some"
+            )
         try:
             content = self._folder.content(path, path.name, MOST)
         except OutsideError:
@@ -110,7 +113,7 @@ class _Walk:
 
     def _beneath(self, where: Path, name: str) -> Path:
         if "\0" in name:
-            raise OutsideError("a file name contains NUL")
+            raise OutsideError("a file name contains the character NUL: remove it")
         if "\\" in name or re.match(r"[A-Za-z]:", name) or name.startswith("~"):
             raise OutsideError(f"`{plain_name(name)}` is not a path below the studio's folder")
         path = where / name

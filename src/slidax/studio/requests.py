@@ -42,7 +42,7 @@ class Nothing(_Request):
 
 
 class ScenarioRequest(_Request):
-    """A scenario and changes of it: a built-in one by `name`, a file by `path`, or a `text` in place of the file."""
+    """A scenario with changes: a built-in one by `name`, a file by `path`, or a `text` in place of the file's."""
 
     name: Name | None = None
     path: Name | None = None
@@ -51,7 +51,7 @@ class ScenarioRequest(_Request):
 
 
 class DraftRequest(_Request):
-    """A new scenario for an arm."""
+    """A request for a new scenario for the arm `robot` at the loop rate `rate` [Hz]."""
 
     robot: Annotated[Name, Field(min_length=1)]
     rate: Annotated[float, Field(gt=0, le=1e9)] = 1000.0
@@ -64,13 +64,13 @@ class DraftRequest(_Request):
 
 
 class PartRequest(_Request):
-    """A part of the catalogue, by name."""
+    """A request for the parameters of a part in the catalogue, by the part's name."""
 
     name: Annotated[Name, Field(min_length=1)]
 
 
 class JobRequest(_Request):
-    """A new job; `jobs.command_of` checks the values of its `options`."""
+    """A request for a new job; `jobs.command_of` checks the values of its `options`."""
 
     kind: Name
     options: Annotated[dict[Name, Any], Field(max_length=100)]
@@ -85,13 +85,16 @@ QUESTIONS: dict[str, type[_Request]] = {
     "catalogue": Nothing,
     "part": PartRequest,
 }
-"""Requests to the workbench by name."""
+"""Models of the requests to the workbench, by the request's name."""
 
 Kind = TypeVar("Kind", bound=_Request)
 
 
 def read_request(content: bytes, kind: type[Kind]) -> Kind:
-    """Parse and validate JSON `content` as a request of a `kind`.
+    """Return the request in a JSON text, validated.
+
+    - `content`: the text, as bytes.
+    - `kind`: class of the request.
 
     Raises RequestError with the field and the rule.
     """

@@ -157,7 +157,7 @@ def test_damping_reports_the_pose_error_at_a_singularity():
             [Line(by=[0.01, 0, 0], duration=3.0), Line(by=[0, 0.2, 0], duration=0.5)],
             {"velocity": 0.2},
         ),
-        ("moves.0: needs a `duration`", [Line(by=[0.1, 0, 0])], {}),
+        ("moves.0: the move needs a `duration`", [Line(by=[0.1, 0, 0])], {}),
         ("moves.0: `Line` must change the position", [Line(by=[0, 0, 0], duration=1.0)], {}),
         ("either `to` or `by`", [Line(by=[0, 0, 0.1], to=[0, 0, 0.1], duration=1.0)], {}),
         ("`acceleration` is missing|acceleration` is missing", [Line(by=[0, 0, 0.1], speed=1.0)], {}),

@@ -120,7 +120,7 @@ class Target:
                 each = rng.choice([-1, 1], size=(slots * SUB // pace + 1, n if rng.random() < 0.7 else 1))
                 result[k] = np.repeat(each, pace, axis=0)[: slots * SUB]
                 continue
-            # The largest response of one joint at one instant, mostly where the bound of its error is largest.
+            # Maximise the response of a single joint at one instant, in half of the cases where its bound is largest.
             output = list(OUTPUTS).index(rng.choice(["error", "error", "velocity", "command", "estimate"]))
             joint = int(rng.integers(n))
             last = int(np.argmax(self.bounds[:, 0, joint])) if k % 3 == 0 else int(rng.integers(slots // 3, slots))

@@ -13,7 +13,7 @@ from .plant import Chain, simulate
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
 def test_both_sides_of_the_error_equation_agree_on_simulated_data(delay: int) -> None:
-    """`ë = K (s + w) + ρ` with `K = M⁻¹ M0`, and w from the model's miss, the band and friction."""
+    """`ë = K (s + w) + ρ` with `K = M⁻¹ M0`, and w from the model error, the band and friction."""
     arm, rng, p = panda(), np.random.default_rng(2), 0.05
     loop = JointLoop.with_density(1e-3, 0.02, 0.1, 1e-5, delay)
     motion = knotted(arm, rng, 0.6)

@@ -266,7 +266,7 @@ def climb(name: str, which: str, starts: int, steps: int) -> float:
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_arm_of_the_band_exceeds_a_supremum(name: str) -> None:
+def test_no_arm_of_the_band_exceeds_the_bounds_along_the_motion(name: str) -> None:
     steps = 1 if name in ("band_tube", "band_error", "band_torques", "band_relative", "slide") else 0
     assert QUANTITIES[name][1] < climb(name, "panda", 16, steps) <= 1.0
 
@@ -274,7 +274,7 @@ def test_no_arm_of_the_band_exceeds_a_supremum(name: str) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("which", NAMES)
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_arm_of_the_band_exceeds_a_supremum_in_a_long_search(name: str, which: str) -> None:
+def test_no_arm_of_the_band_exceeds_the_bounds_along_the_motion_in_a_long_search(name: str, which: str) -> None:
     assert climb(name, which, 64, 4) <= 1.0
 
 

@@ -105,7 +105,7 @@ def ascend(name: str, which: str, starts: int, steps: int) -> float:
     """The largest ratio of a quantity to its stored bound after ascents from corner to corner of cell and tube."""
     _, motion, cells, path, _, bounds = case(which)
     rng, quantity = np.random.default_rng(1), QUANTITIES[name]
-    # Half of the starts where the bound is largest.
+    # Half of the starts are where the bound is largest.
     bound = getattr(bounds, name).reshape(len(cells.q), -1)
     cell = rng.integers(len(bound), size=starts)
     cell[: starts // 2] = np.argsort(bound.max(axis=1))[-1 - np.arange(starts // 2) % 8]
@@ -138,14 +138,14 @@ def ascend(name: str, which: str, starts: int, steps: int) -> float:
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_gradient_ascent_exceeds_a_supremum(name: str) -> None:
+def test_no_gradient_ascent_exceeds_the_bounds_along_the_motion(name: str) -> None:
     assert 0.1 < ascend(name, "panda knotted", 24, 3) <= 1.0
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("which", ["panda quintic", "panda knotted", "ur5e quintic", "ur5e knotted"])
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_no_long_gradient_ascent_exceeds_a_supremum(name: str, which: str) -> None:
+def test_no_long_gradient_ascent_exceeds_the_bounds_along_the_motion(name: str, which: str) -> None:
     assert ascend(name, which, 1000, 5) <= 1.0
 
 

@@ -49,7 +49,7 @@ def test_trajectory_joints_are_matched_by_name_and_unknown_joints_ignored_with_a
 @pytest.mark.parametrize(
     ("names", "word"),
     [
-        (["left-arm/shoulder", "elbow"], "it must have the joint left-arm/elbow once; it has left-arm/shoulder, elbow"),
+        (["left-arm/shoulder", "elbow"], "joint left-arm/elbow once; its joints are left-arm/shoulder, elbow"),
         (["left-arm/shoulder"] * 2, "it must have the joint left-arm/shoulder once"),
     ],
 )

@@ -67,5 +67,5 @@ def test_unknown_file_ending_and_speed_zero_are_refused(swing, tmp_path):
     plant, run = swing
     with pytest.raises(DefinitionError, match=r"must end in \.html; got `swing\.avi`"):
         replay.record(run, plant, tmp_path / "swing.avi")
-    with pytest.raises(DefinitionError, match="`speed` must be > 0; got 0"):
+    with pytest.raises(DefinitionError, match="`speed` must be > 0 and finite; got 0"):
         replay.record(run, plant, tmp_path / "swing.html", speed=0.0)

@@ -61,7 +61,7 @@ SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: 
 
 
 class ExpressionError(ValueError):
-    """An expression has a part that is not supported."""
+    """An expression of a xacro file is invalid, too long, or has a part that is not supported."""
 
 
 class Budget:
@@ -71,7 +71,7 @@ class Budget:
         self.left = MOST_STEPS
 
     def spend(self, steps: int) -> None:
-        """Count steps, of about a microsecond each; raise ExpressionError if none are left."""
+        """Subtract steps, of about a microsecond each, from the budget; raise ExpressionError if none are left."""
         self.left -= steps
         if self.left < 0:
             raise ExpressionError(
@@ -80,7 +80,10 @@ class Budget:
             )
 
     def spend_on(self, value: Any) -> None:
-        """Count a value with all its entries, each time that it occurs."""
+        """Count a step for a value and for each of its entries; raise ExpressionError if none are left.
+
+        An entry that occurs several times counts several times.
+        """
         waiting = [value]
         while waiting:
             entry = waiting.pop()
@@ -92,7 +95,7 @@ class Budget:
 
 
 def limited_range(*ends: int) -> range:
-    """Return a range; raise ExpressionError if it is longer than a file needs."""
+    """Return a range of integers; raise ExpressionError if it has more than `LONGEST` values."""
     steps = range(*ends)
     if len(steps) > LONGEST:
         raise ExpressionError(f"a range of {len(steps)} values exceeds the limit of {LONGEST}")
@@ -102,7 +105,7 @@ def limited_range(*ends: int) -> range:
 def limited_round(number: Any, digits: int | None = None) -> Any:
     """Return a rounded number; limit the digits, since rounding an integer to -10⁹ digits computes 10^(10⁹)."""
     if digits is not None and abs(digits) > MOST_BITS:
-        raise ExpressionError(f"cannot round a number to {digits} digits")
+        raise ExpressionError(f"cannot round a number to {digits} digits, which is too many")
     return round(number, digits)
 
 
@@ -110,7 +113,7 @@ def add_numbers(numbers: Iterable[Any], start: Any = 0) -> Any:
     """Return a sum of numbers; reject lists, since adding many of them would copy each one many times."""
     terms = [start, *numbers]
     if not all(isinstance(term, int | float) for term in terms):
-        raise ExpressionError("only numbers can be added")
+        raise ExpressionError("`sum` adds only numbers")
     return sum(terms)
 
 
@@ -150,10 +153,10 @@ class _Evaluation:
             raise ExpressionError(f"the expression takes more than {LONGEST} steps")
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
-            raise ExpressionError(f"`{type(node).__name__}` is not supported")
+            raise ExpressionError(f"`{type(node).__name__}` is not supported in an expression")
         result = method(node)
         if isinstance(result, str | list | tuple | dict | set) and len(result) > LONGEST:
-            raise ExpressionError(f"a value of {len(result)} entries exceeds the limit of {LONGEST}")
+            raise ExpressionError(f"a text or list has {len(result)} characters or entries; the limit is {LONGEST}")
         if isinstance(result, int) and result.bit_length() > MOST_BITS:
             raise ExpressionError(f"an integer must have at most {MOST_BITS} bits")
         self.budget.spend_on(result)
@@ -191,7 +194,7 @@ class _Evaluation:
         arguments = [self.value(argument) for argument in node.args]
         options = {option.arg: self.value(option.value) for option in node.keywords if option.arg}
         if len(options) < len(node.keywords):
-            raise ExpressionError("`**` is not supported")
+            raise ExpressionError("`**` is not supported in a call")
         if isinstance(node.func, ast.Attribute):
             owner = self.value(node.func.value)
             for kind, methods in METHODS.items():
@@ -209,7 +212,7 @@ class _Evaluation:
     def _refuse_long(self, *texts: Any) -> None:
         sizes = [len(text) for text in texts if isinstance(text, str | list | tuple)]
         if math.prod(size + 1 for size in sizes) > LONGEST:
-            raise ExpressionError("the texts of `replace` or `join` are too long")
+            raise ExpressionError("the result of `replace` or `join` could be too long; use shorter texts")
 
     def _binop(self, node: ast.BinOp) -> Any:
         left, right = self.value(node.left), self.value(node.right)
@@ -218,7 +221,7 @@ class _Evaluation:
             whole = isinstance(left, int) and isinstance(right, int)
             numbers = isinstance(left, int | float) and isinstance(right, int | float)
             if not numbers or (whole and left.bit_length() * right > MOST_BITS):
-                raise ExpressionError(f"a power needs numbers, and an integer power at most {MOST_BITS} bits")
+                raise ExpressionError(f"`**` needs two numbers, and an integer result of at most {MOST_BITS} bits")
             return left**right
         if kind is ast.Mult:
             for entries, times in ((left, right), (right, left)):
@@ -227,19 +230,22 @@ class _Evaluation:
                     and isinstance(times, int)
                     and len(entries) * times > LONGEST
                 ):
-                    raise ExpressionError(f"a product of {len(entries) * times} entries exceeds the limit of {LONGEST}")
+                    raise ExpressionError(
+                        f"a text or list repeated by `*` would have {len(entries) * times} characters or entries; "
+                        f"the limit is {LONGEST}"
+                    )
             return left * right
         if kind is ast.Mod:
             if isinstance(left, str) and re.search(r"\d{4}|\*", left):
-                raise ExpressionError("a format must not have `*`, or a number of four digits")
+                raise ExpressionError("a format before `%` must not have `*`, or a number of four or more digits")
             return left % right
         if kind not in OPERATORS:
-            raise ExpressionError(f"`{kind.__name__}` is not supported")
+            raise ExpressionError(f"the operator `{kind.__name__}` is not supported")
         return OPERATORS[kind](left, right)
 
     def _unaryop(self, node: ast.UnaryOp) -> Any:
         if type(node.op) not in SIGNS:
-            raise ExpressionError(f"`{type(node.op).__name__}` is not supported")
+            raise ExpressionError(f"the operator `{type(node.op).__name__}` is not supported")
         return SIGNS[type(node.op)](self.value(node.operand))
 
     def _boolop(self, node: ast.BoolOp) -> Any:
@@ -279,7 +285,7 @@ class _Evaluation:
 
     def _dict(self, node: ast.Dict) -> Any:
         if any(key is None for key in node.keys):
-            raise ExpressionError("`**` is not supported")
+            raise ExpressionError("`**` is not supported in a dictionary")
         return {self.value(key): self.value(entry) for key, entry in zip(node.keys, node.values, strict=True) if key}
 
     def _listcomp(self, node: ast.ListComp | ast.GeneratorExp) -> Any:

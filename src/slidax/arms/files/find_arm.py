@@ -25,7 +25,7 @@ FINGER = re.compile(r"finger|grip|jaw|claw|knuckle|thumb", re.IGNORECASE)
 """Parts of the names of joints that open or close a hand."""
 
 TIP = ("tcp", "tool0", "end_effector", "ee_link", "tool", "flange", "ee", "hand")
-"""Words in the names of links that hold a tool, the most specific first."""
+"""Words in the names of links at which a tool is mounted, the most specific first."""
 
 SHORT = 2
 """Most joints in series in a finger or a head."""
@@ -38,9 +38,9 @@ ARM = 3
 class ArmInFile:
     """The arm in a robot file.
 
-    - `joints`: moving joints in order from the base.
-    - `tip`: link or body at the end.
-    - `locked`: positions of all other moving joints, which are held, rad or m.
+    - `joints`: names of the moving joints in order from the base.
+    - `tip`: name of the link or body at the end.
+    - `locked`: fixed positions of all other movable joints, by name, rad or m.
     """
 
     joints: tuple[str, ...]
@@ -101,7 +101,7 @@ class _Tree:
     def arm_to(self, tip: str | None) -> ArmInFile:
         moving = self._path_to(tip) if tip is not None else self._longest()
         if not moving:
-            message = "no joint moves the tip" if tip else f"there is no joint of an arm{self._left_out_message()}"
+            message = "no joint moves the named tip" if tip else f"no joint is part of an arm{self._left_out_message()}"
             raise DefinitionError(message)
         end = tip if tip is not None else self._tip(moving[-1].child)
         names = tuple(edge.name for edge in moving)

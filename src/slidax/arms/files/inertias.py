@@ -67,7 +67,7 @@ class RigidInertias:
         return close
 
     def of_bodies(self, spec: Any) -> None:
-        """Check and replace the inertias of an MJCF file's bodies in place.
+        """Check the inertias of all bodies of a MuJoCo `MjSpec`, as `of` does, and replace them in place.
 
         Raises DefinitionError naming the body.
         """
@@ -87,11 +87,11 @@ class RigidInertias:
                     body.fullinertia = rigid[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
     def add_to(self, notes: Notes) -> None:
-        """Note the replaced inertias and their changes, the largest first."""
+        """Add to the notes the owners of the replaced inertias with their changes, the largest first."""
         strict = '; inertias="strict" refuses them' if self._how == "given" else ""
         for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
             notes.add(
-                "inertias are changed to the nearest that a rigid body can have, by a share of the largest principal "
-                f"moment: {{}}{strict}",
+                "inertias that no rigid body can have are changed to the nearest possible; they differ by a share of "
+                f"the largest principal moment: {{}}{strict}",
                 f"{owner} ({100 * self._changes[owner]:.2g} %)",
             )

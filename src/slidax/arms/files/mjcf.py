@@ -25,14 +25,16 @@ from .source import RobotFile, elements, owner_at, read_robot_file, require_name
 
 
 def actuators_of_joint(model: Any, joint: int) -> list[int]:
-    """Return the indices of the actuators that drive a joint."""
+    """Return the indices of the actuators that drive a joint of a MuJoCo model, by the joint's index."""
     kinds = mujoco().mjtTrn
     direct = (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
     return [i for i in range(model.nu) if model.actuator_trntype[i] in direct and model.actuator_trnid[i, 0] == joint]
 
 
 def torque_limits(model: Any) -> np.ndarray:
-    """Return the torque limit of each joint, equal in both directions, N m or N; infinite if the file has none.
+    """Return the torque limit of each joint of a MuJoCo model, N m or N; infinite if the file has none.
+
+    It holds in both directions.
 
     Raises DefinitionError, naming the joint, if its torque range does not contain both directions.
     """
@@ -84,7 +86,7 @@ HINGE = 3
 
 
 def joints_of(model: Any, tip: str | None) -> list[Joint]:
-    """Return the bodies as links, with their joints.
+    """Convert the bodies of a MuJoCo model to links, and return them with their joints.
 
     A body may have several joints at different points. Each gets a massless link of its own that carries the next
     joint, and the last link carries the body.

@@ -17,7 +17,7 @@ MOST_BODIES = 1000
 
 
 def name_all(spec: Any) -> None:
-    """Name all bodies and joints without a name, so that every message has one."""
+    """Give each unnamed body and joint of a MuJoCo `MjSpec` a name, so that messages can name it."""
     taken = {element.name for kind in (spec.bodies, spec.joints, spec.sites) for element in kind}
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
         for number, element in enumerate(elements):
@@ -29,7 +29,7 @@ def name_all(spec: Any) -> None:
 
 
 def check_spec(spec: Any) -> None:
-    """Reject features that MuJoCo drops at compilation, or rejects without naming them.
+    """Reject features of an `MjSpec` that MuJoCo drops at compilation, or rejects without naming them.
 
     Raises DefinitionError naming joint or body.
     """
@@ -37,7 +37,7 @@ def check_spec(spec: Any) -> None:
     if len(spec.bodies) == 1:
         raise DefinitionError("the file has no body, and so no joint that moves one")
     if len(spec.bodies) > MOST_BODIES:
-        raise DefinitionError(f"the file has {len(spec.bodies)} bodies; at most {MOST_BODIES} are read")
+        raise DefinitionError(f"the file has {len(spec.bodies)} bodies; at most {MOST_BODIES} are read: remove objects")
     for joint in spec.joints:
         if joint.type in (library.mjtJoint.mjJNT_FREE, library.mjtJoint.mjJNT_BALL):
             kind = "free" if joint.type == library.mjtJoint.mjJNT_FREE else "a ball joint"
@@ -52,7 +52,7 @@ def check_spec(spec: Any) -> None:
 
 
 def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
-    """Reject numbers that are not finite, springs, couplings and other forces on the joints.
+    """Reject in a compiled MuJoCo model: numbers that are not finite, springs, couplings, other forces on the joints.
 
     - `locked`: positions of joints that do not move, by name.
 
@@ -199,13 +199,17 @@ def _carrier(model: Any, body: int, free: set[int]) -> int:
 POSTURES = 3
 ROUNDING = 1e-9
 SINGULAR = 1e-12
-"""Least regular eigenvalue of the inertia matrix, relative to its largest."""
+"""Least eigenvalue of a regular inertia matrix, relative to its largest."""
 
 
 def check_motion(model: Any, joints: Sequence[Joint], locked: Mapping[str, float]) -> None:
     """Reject forces other than viscous friction on a joint, and joints that move without inertia.
 
     Such forces come from plugins, flexible bodies and other features of MuJoCo that `check_compiled` does not name.
+
+    - `model`: compiled MuJoCo model.
+    - `joints`: its joints, from `joints_of`.
+    - `locked`: positions of joints that do not move, by name.
 
     Raises DefinitionError naming the joint.
     """
@@ -249,8 +253,9 @@ WEIGHS = "the body's inertia comes from it, so give the body an <inertial>"
 
 
 def drop_weightless_shapes(spec: Any, folder: Path, meshes: bool, attached: bool) -> None:
-    """Replace shapes from files by a small ball, except those that define a body's inertia.
+    """Replace meshes and height fields by a small ball, except those that define a body's inertia.
 
+    - `folder`: folder of the robot file.
     - `meshes`: True if the dropped meshes must exist, too.
     - `attached`: True if parts come from other files; then only MuJoCo knows the folders of meshes.
 
@@ -281,7 +286,7 @@ def drop_weightless_shapes(spec: Any, folder: Path, meshes: bool, attached: bool
 
 
 def has_inertia_from_shapes(body: Any) -> bool:
-    """True if a body's inertia comes from its shapes."""
+    """True if MuJoCo computes a body's inertia from its shapes."""
     kinds = mujoco().mjtInertiaFromGeom
     setting = body.compiler.inertiafromgeom
     if setting == kinds.mjINERTIAFROMGEOM_AUTO:
@@ -295,7 +300,7 @@ def _make_ball(geom: Any) -> None:
 
 
 def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
-    """Delete bodies that are not part of the arm, and return their names.
+    """Delete bodies of an `MjSpec` that are not part of the arm, and return their names.
 
     Each child of the world is the root of a tree. With a tip, all moving trees without it are objects. Without a tip,
     trees with a free or a ball joint are objects, if another tree can be an arm. Bodies in an equality are not objects.

@@ -11,7 +11,7 @@ from slidax.core.errors import DefinitionError
 NAME = re.compile(r"\w+_description", re.ASCII)
 
 PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
-"""Variables of a module that name its file, the first of them first."""
+"""Variables of a module that name its file, in the order of preference."""
 
 
 def is_description(word: str) -> bool:

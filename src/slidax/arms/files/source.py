@@ -28,7 +28,7 @@ class RobotFile:
 
     - `path`: path of the file; None for a text.
     - `root`: outermost XML element.
-    - `prefixed`: for each undeclared prefix, the name of an element that has it.
+    - `prefixed`: for each undeclared namespace prefix, the name of an element with this prefix.
     """
 
     text: str
@@ -139,7 +139,10 @@ def _decoded(text: str | bytes, tree: ET.Element) -> str:
 
 
 def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Yield each element after a text with its name, or with the name of its nearest named ancestor."""
+    """Yield a text such as "link `fore`" and an element, for each element.
+
+    The text names the element or its nearest ancestor with a name.
+    """
     stack = [(f"<{root.tag}>", root)]
     while stack:
         where, element = stack.pop()
@@ -150,7 +153,11 @@ def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
 
 
 def owner_at(text: str, tag: str, line: int) -> str:
-    """Return the text of `elements` for the element `tag` that begins in a line, from 1; empty if there is none."""
+    """Return the name of the element `tag` that begins in a line, as in `elements`; empty if there is none.
+
+    - `text`: XML text.
+    - `line`: number of the line, from 1.
+    """
     parser, around, owners = expat.ParserCreate(), [""], [""]
 
     def start(name: str, attributes: dict[str, str]) -> None:

@@ -289,8 +289,8 @@ class UrdfTree:
     """The checked content of a file.
 
     - `links`, `joints`: elements by name.
-    - `parents`, `children`: names of each joint's links.
-    - `carriers`: name of the joint that moves each link; the root has none.
+    - `parents`, `children`: names of each joint's parent and child link, by the joint's name.
+    - `carriers`: name of the joint that moves each link, by the link's name; the root has none.
     - `root`: name of the link that no joint moves.
     - `order`: names of the joints, each after its parent.
     """
@@ -305,12 +305,12 @@ class UrdfTree:
 
     @property
     def leaves(self) -> list[str]:
-        """Links that carry no other link."""
+        """Names of the links that carry no other link."""
         carrying = set(self.parents.values())
         return [link for link in self.links if link not in carrying]
 
     def path_to(self, link: str) -> set[str]:
-        """Return the joints between the base and a link; the empty set for an unknown link."""
+        """Return the names of the joints between the base and a link; the empty set for an unknown link."""
         joints: set[str] = set()
         while link in self.carriers:
             joints.add(self.carriers[link])
@@ -318,12 +318,12 @@ class UrdfTree:
         return joints
 
     def moves(self, joint: str) -> bool:
-        """True if a joint is not fixed."""
+        """True if a joint, given by its name, is not fixed."""
         return self.joints[joint].get("type") != "fixed"
 
     @cached_property
     def standing(self) -> set[str]:
-        """Links that do not move: the root, and all links fixed to it."""
+        """Names of the links that do not move: the root, and all links fixed to it."""
         links = {self.root}
         for joint in self.order:
             if self.joints[joint].get("type") == "fixed" and self.parents[joint] in links:

@@ -24,10 +24,10 @@ MOST_OF_YAML = MEGABYTE // 4
 """Size limit of a YAML file [bytes]; reading a larger one can take more than ten seconds."""
 
 STEPS_OF_A_NODE = 25
-"""Steps for an element or an attribute, which limit the memory of an expansion to about 0.2 GB."""
+"""Steps of the budget for an element or an attribute: they limit the memory of an expansion to about 0.2 GB."""
 
 STEPS_OF_A_COPY = 100
-"""Additional steps for each use of a macro or a block."""
+"""Additional steps of the budget for each use of a macro or a block."""
 
 LONGEST_MESSAGE = 500
 """Most characters that are shown of a message of xacro."""
@@ -35,7 +35,7 @@ LONGEST_MESSAGE = 500
 MACRO_PARAMETER = re.compile(
     r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'[^']*'|\"[^\"]*\"|[^\s'\"])+|)(?:\s+|$)(.*)"
 )
-"""xacro's own expression without a nested repetition, which takes exponential time."""
+"""xacro's own regular expression, without a nested repetition that can take exponential time."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for xacro, which keeps the state of an expansion in module variables."""

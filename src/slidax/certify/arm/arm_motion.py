@@ -96,7 +96,7 @@ def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
 
 
 def friction_torque(robot: AbstractRobot, dq: Floats) -> Floats:
-    """Return `F(q̇)` [times n], N m or N."""
+    """Return the arm's friction torque F(q̇) [times n], N m or N."""
     if isinstance(robot, Articulated):
         coulomb, viscous, smoothing = (np.asarray(x) for x in (robot.coulomb, robot.viscous, robot.smoothing))
         return coulomb * np.tanh(dq / smoothing) + viscous * dq
@@ -150,7 +150,10 @@ class NominalModel:
         law: Any = scenario.controller
         robot = getattr(law, "nominal", None)
         if not isinstance(robot, AbstractRobot):
-            raise DefinitionError(f"`{scenario.scheme}` has no model of the arm: its demand cannot be computed")
+            raise DefinitionError(
+                f"`{scenario.scheme}` has no model of the arm, so the disturbances that it must compensate cannot be "
+                "computed"
+            )
         n = robot.joints
         adaptation = law.adaptation if isinstance(law, SampledData) else None
         if adaptation is None:
@@ -163,7 +166,10 @@ class NominalModel:
         return cls(robot, rotor, counted, coulomb, smoothing, like)
 
     def friction(self, t: Floats, dq: Floats) -> Floats:
-        """Return F̂ [times n], N m or N, at times [times], s, and the reference's velocities [times n]."""
+        """Return the model's friction F̂ [times n], N m or N.
+
+        - `t`: [times], s. `dq`: velocities of the reference [times n].
+        """
         return self._value_at(self.coulomb, t) * np.tanh(dq / self.smoothing)
 
     def _value_at(self, values: Floats, t: Floats) -> Floats:
@@ -172,16 +178,19 @@ class NominalModel:
         return values[np.clip(np.searchsorted(self.times, t + 1e-9) - 1, 0, len(self.times) - 1)]
 
     def mass_and_bias(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """Return M̂ [times n n] and C0 q̇ + G0 [times n]."""
+        """Return the model's inertia M̂ [times n n] and `C0 q̇ + G0` [times n]."""
         mass, bias = self.at_first(t, q, dq)
         return self.learnt(mass, t), bias
 
     def at_first(self, t: Floats, q: Floats, dq: Floats) -> tuple[Floats, Floats]:
-        """Return M0 [times n n] and C0 q̇ + G0 [times n], which do not depend on learned values."""
+        """Return M0 [times n n] and `C0 q̇ + G0` [times n], the model without learned values."""
         return mass_and_bias(self.robot, massless_load(self.robot, self.like), t, q, dq)
 
     def learnt(self, mass: Floats, t: Floats) -> Floats:
-        """Return M̂ [times n n] from M0 [times n n] at times [times], s."""
+        """Return M̂ [times n n]: M0 with the rotor inertias that the law has learned at these times.
+
+        - `mass`: M0 [times n n]. `t`: [times], s.
+        """
         if self.rotor is None:
             return mass
         assert self.counted is not None
@@ -241,6 +250,7 @@ class StateSequence:
 
     @cached_property
     def joints(self) -> int:
+        """Number of joints n."""
         return int(self.q.shape[1])
 
 
@@ -274,12 +284,12 @@ def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Float
 
 
 def outer_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return `τ_d - F` of true arms along a motion [arms times n], N m or N."""
+    """Return the external torque less the friction, `τ_d - F`, of true arms along a motion [arms times n], N m or N."""
     return disturbance_torque(plants, motion) - np.array([friction_torque(plant.robot, motion.dq) for plant in plants])
 
 
 def disturbance_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return `τ_d` of true arms along a motion [arms times n], N m or N."""
+    """Return the external torque τ_d on true arms along a motion [arms times n], N m or N."""
     known: dict[Any, Floats] = {}
     torques = []
     for plant in plants:
@@ -325,9 +335,9 @@ def inertia_ratios(
 ) -> tuple[Floats, Floats, Floats]:
     """Return the range of κ [2 n], the largest |K_ij/K_jj| for i ≠ j [n n], and K at some instants [I n n].
 
-    `K = M⁻¹M̂`, and κ is its diagonal. All three values are over all arms.
+    `K = M⁻¹M̂` with the true inertia M and the law's M̂, and κ is its diagonal. All three values are over all arms.
 
-    - `beliefs`: the law's model for each arm.
+    - `plants`: the true arms. `beliefs`: the law's model for each of them.
     - `kept`: number of instants at which K is returned.
     """
     few = motion.every(INSTANTS)

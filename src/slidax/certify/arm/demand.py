@@ -32,11 +32,11 @@ from .members import MOST_ENDS, Members
 class Demand:
     """The disturbances that the joints' estimators must follow, and the error of the law's inertia.
 
-    With `K = M⁻¹ M0` the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the commanded acceleration, ŵ the estimate,
-    and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law must compensate. n is the arm's torque
-    without its inertia term, and d the external torque. Along the reference the disturbance of each member is the
-    signal `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and `|x_k| <= 1`. λ and x are constant over time,
-    and the same for all joints.
+    With the true inertia M, the law's M0 and `K = M⁻¹ M0`, the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the
+    commanded acceleration, ŵ the estimate, and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law
+    must compensate. n is the arm's torque without its inertia term, and d the external torque. Along the reference the
+    disturbance of each member is the signal `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and |x_k| at
+    most 1. λ and x are constant over time, and the same for all joints.
 
     - `times`: samples, a period apart [times], s.
     - `disturbance`: w* along the reference for each extreme member [members times n], rad/s² or m/s².
@@ -155,8 +155,8 @@ def _disturbance_assumptions(members: Members, hull: Hull) -> list[Assumption]:
             assumptions.append(Assumption(text, "tested"))
         if hull.sampled:
             text = (
-                f"{members.named(hull.sampled)}: the torque is no polynomial of degree 1 or 2 in a few values; the set "
-                "was sampled, at 5 values of each or at corners"
+                f"{members.named(hull.sampled)}: the torque is no polynomial of degree 1 or 2, or too many values "
+                "multiply each other; so the set was sampled, at 5 values of each or at corners"
             )
             assumptions.append(Assumption(text, "tested"))
     text = (

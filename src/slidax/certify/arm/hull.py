@@ -38,9 +38,9 @@ BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
 
 @dataclass(frozen=True)
 class Hull:
-    """Hull of all members: a convex combination of corners, plus `Σ x_k effect_k` with |x_k| <= 1.
+    """Set that contains a function's values for all members: convex combinations of corners, plus `Σ x_k effect_k`.
 
-    Corners and effects are weighted sums of the evaluated members.
+    Each |x_k| is at most 1. Corners and effects are weighted sums of the values of the evaluated members.
 
     - `points`: points of the box at which members are evaluated [P D]; the first is the middle of the box.
     - `corners`: weights of the evaluated members in each corner [K P].
@@ -65,7 +65,7 @@ class Hull:
 
 
 def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
-    """Return the convex hull of a function of all members.
+    """Return the convex hull of a function's values over all members of an uncertainty set.
 
     Evaluations at random points determine the degree in each value, and the pairs of values that are multiplied. Two
     different polynomials agree at a random point with probability 0.
@@ -151,7 +151,7 @@ def _degrees_at(evaluate: Callable[[Floats], Floats], base: Floats, axes: Sequen
 
 
 def _groups(evaluate: Callable[[Floats], Floats], degrees: Sequence[int]) -> list[list[int]]:
-    """Return groups of axes whose values are multiplied by each other; the function is a sum over the groups."""
+    """Return the axes in groups; the function is a sum of terms, each of which depends on the values of one group."""
     acting = [k for k, degree in enumerate(degrees) if degree]
     pairs = list(combinations(acting, 2))
     group = {k: {k} for k in acting}
@@ -201,7 +201,7 @@ PROBES = 48
 
 
 def probe_torques(members: Members, points: Floats) -> Floats:
-    """Return the torques of members at random states and at some of the motion [P F].
+    """Return the torques of members at random states, and at some states of the motion [P F].
 
     The times are random, so that a ripple is zero at all of them with probability 0. A pulse may lie between two random
     times. So the times at which a force starts, jumps or ends are added, and the times of brief contacts.

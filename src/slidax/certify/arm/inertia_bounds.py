@@ -31,7 +31,9 @@ MOST = 7
 class TrigonometricSeries:
     """`f(q) = Σ c_k exp(i k·θ)`, with k from -2 to 2 for each joint on which f depends.
 
-    - `coefficients`: c_k [K ...].
+    θ is q for a revolute joint; a prismatic joint has `q = middle + half cos θ` (`PostureGrid`).
+
+    - `grid`: the grid that determines the coefficients. `coefficients`: c_k [K ...].
     """
 
     grid: PostureGrid
@@ -75,7 +77,10 @@ class PostureGrid:
         change = np.abs(values[1:] - values[0]).max(axis=1)
         joints = tuple(np.flatnonzero(change > 1e-12 * max(float(np.abs(values).max()), 1e-300)).tolist())
         if len(joints) > MOST:
-            raise DefinitionError(f"the inertia depends on {len(joints)} joints; at most {MOST} are possible")
+            raise DefinitionError(
+                f"the arm's inertia or weight depends on {len(joints)} joints, and bounds over all postures are "
+                f"computed for at most {MOST}"
+            )
         return cls(joints, revolute, middle, half)
 
     @property
@@ -155,8 +160,9 @@ class Supremum:
 def supremum(
     series: TrigonometricSeries, degree: int, size: Callable[[Floats], Floats], terms: Callable[[Any], Floats]
 ) -> Supremum:
-    """Return a bound of `max_q ‖f(q)‖`.
+    """Return a bound of `max_q ‖f(q)‖` over all postures q, for a function f as a series.
 
+    - `series`: f, a scalar, vector or matrix.
     - `degree`: degree of f in each joint, 1 or 2.
     - `size`: maps values [P ...] to their norms [P].
     - `terms`: maps complex coefficients [K ...] to their norms [K].
@@ -328,7 +334,9 @@ def arm_constants(
 def inertia_and_weight_series(
     robot: AbstractRobot, load: TimedPayload | None = None, lower: Floats | None = None, upper: Floats | None = None
 ) -> tuple[TrigonometricSeries, TrigonometricSeries]:
-    """Return the series of M and of G.
+    """Return the series of the inertia matrix M and of the gravity torque G, as functions of the posture.
+
+    - `load`, `lower`, `upper`: as in `arm_constants`.
 
     Raises DefinitionError if M depends on more than seven joints.
     """

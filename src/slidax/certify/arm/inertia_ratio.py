@@ -41,7 +41,7 @@ MOST_ARMS = 16
 def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     """Check that each joint's loop is stable for all κ of the set, and the coupled loops for the K of its members.
 
-    `K = M⁻¹ M̂` with the law's inertia M̂; κ is a diagonal entry of K.
+    `K = M⁻¹ M̂` with the true inertia M and the law's inertia M̂; κ is a diagonal entry of K.
 
     - `scenario`: scenario whose law is in sampled-data form, with a plan and a linear estimator.
     - `demand`: demand with the κ of the set for the law's initial model.
@@ -140,7 +140,7 @@ def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) ->
 
 
 def learned_ratios(scenario: Scenario) -> Floats:
-    """Return K with learned models at instants of the motion [I n n].
+    """Return `K = M⁻¹ M̂` at I instants of the motion, with M̂ the inertia that the law learns [I n n].
 
     The model for the scenario's own arm is learned in a simulated run. The models for members at corners of the set are
     those of `learned_model`.
@@ -178,7 +178,7 @@ def _together(scenario: Scenario, loops: Sequence[LinearLoop], demand: Demand, d
     if len(loops) == 1 or not np.any(demand.coupling):
         return _Together(0.0, [], "")
     if demand.matrices is None:
-        says = "the stability of the coupled loop is not known for a given demand"
+        says = "the stability of the coupled loop was not computed, since the given demand has no matrices K"
         return _Together(np.inf, [Assumption(says, "assumed")], says)
     # Half of the matrices are those farthest from I. The other half is evenly spaced in the order of that distance.
     learnt = learns_inertia(scenario)

@@ -23,11 +23,11 @@ def learns_inertia(scenario: Scenario) -> bool:
 
 
 def learned_model(scenario: Scenario, belief: NominalModel, plant: Plant, motion: StateSequence) -> NominalModel:
-    """Return the model that a law is assumed to have learned for a member along a motion.
+    """Return the model that a law is assumed to have learned for a true arm along a motion.
 
-    Each joint has the member's mean inertia along the motion and its Coulomb friction, within the limits of learning.
+    Each joint has the true arm's mean inertia along the motion and its Coulomb friction, within the limits of learning.
 
-    - `belief`: the law's initial model.
+    - `belief`: the law's initial model. `plant`: the true arm, a member of the set.
     """
     law = scenario.controller
     assert isinstance(law, SampledData)

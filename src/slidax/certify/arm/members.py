@@ -66,7 +66,9 @@ class Members:
 
     @classmethod
     def of(cls, scenario: Scenario, family: Family | None = None) -> Members:
-        """Return the members of a scenario's set, or of another set, such as a study's.
+        """Return the members of a scenario's set, or of another set.
+
+        - `family`: another set, such as a study's; None for the scenario's own.
 
         Raises DefinitionError if a set is invalid.
         """
@@ -299,7 +301,7 @@ CORNERS = 8
 
 @lru_cache(maxsize=4)
 def corner_scenarios(scenario: Scenario) -> Sequence[Scenario]:
-    """Return the scenario, and scenarios at corners of its set at which the effects of its values add up.
+    """Return the scenario and, if it is uncertain, `CORNERS` scenarios at corners of its set where effects add up.
 
     Raises DefinitionError if a set is empty or its path does not exist.
     """

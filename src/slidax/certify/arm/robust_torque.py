@@ -34,10 +34,10 @@ REMEDY_FACTOR = 1.05
 
 @certificate(*ROBUST_TORQUE, covers=(*ARM, "sensor", "actuator"))
 def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
-    """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: (44), (45), docs/sampled-data.md.
+    """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: the paper's (44), (45), docs/sampled-data.md.
 
-    w* is the disturbance that the law must compensate (`Demand`). A law in sampled-data form limits its compensation to
-    u, so that `s⁺ = 0` holds only if u is large enough.
+    u is the robust torque, M0 the law's inertia, and w* is the disturbance that the law must compensate (`Demand`). A
+    law in sampled-data form limits its compensation to u, so that `s⁺ = 0` holds only if u is large enough.
 
     - `demand`: demand of the scenario's set; computed by default.
     """
@@ -65,7 +65,7 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
     words = "covers" if holds else "does not cover"
     statement = (
         f"The robust torque ({available:.4g} N m) {words} the model error ({needed:.4g} N m) at t = {motion.t[k]:.3g} "
-        "s (44), (45)."
+        "s, by the paper's (44) and (45)."
     )
     return Verdict(
         *ROBUST_TORQUE,
@@ -79,7 +79,7 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
 
 
 def robust_bound(scenario: Scenario) -> AbstractBound | None:
-    """Return the bound u of a scenario's law; None for a law without a robust torque."""
+    """Return the object that computes the robust torque u of a scenario's law; None for a law without one."""
     law: Any = scenario.controller
     decides = law.step if isinstance(law, SampledData) else law
     bound = getattr(decides.plan if isinstance(decides, CalmStep) else decides, "bound", None)
@@ -116,10 +116,11 @@ BOUND_REMEDY_FACTOR = 1.02
 
 @dataclass(frozen=True)
 class UncertaintySamples:
-    """Samples of the lumped uncertainty (18).
+    """Samples of the lumped uncertainty, the paper's (18), at S random states of members.
 
     - `position`: ‖q‖ [S]; `speed`: ‖q̇‖² [S]; `torque`: ‖τ‖ [S].
-    - `lumped`: `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖` [S], N m.
+    - `lumped`: `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖` [S], N m, with b and b0 the velocity forces and weight of the true
+      arm and of the model; b also has the friction, and minus the external torque.
     """
 
     position: Floats
@@ -130,11 +131,11 @@ class UncertaintySamples:
 
 @certificate(*UNCERTAINTY_BOUND, covers=(*ARM, "sensor"))
 def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
-    """Check that the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` (19).
+    """Check that the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`.
 
-    ρ of (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, with b the true arm's weight, velocity forces and friction minus
-    the external torque. A linear program over random members and states gives the b0, b1, b2 with the least mean bound
-    for the same γ. Independent members and states check these values.
+    This is the paper's (19). ρ of its (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, with b the true arm's weight,
+    velocity forces and friction minus the external torque. A linear program over random members and states gives the
+    b0, b1, b2 with the least mean bound for the same γ. Independent members and states check these values.
 
     - `family`: a set in place of the scenario's own, such as a study's.
     """
@@ -163,7 +164,7 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     )
     smallest_text = (
         f"b0 = {enough[0]:.4g} N m, b1 = {enough[1]:.4g} N m/rad, b2 = {enough[2]:.4g} N m s²/rad² with "
-        f"γ = {gamma:.3g} cover {(HELD_OUT + 1) * count} samples of (18)."
+        f"γ = {gamma:.3g} cover {(HELD_OUT + 1) * count} samples of the paper's (18)."
     )
     if isinstance(scenario.controller, SampledData):
         statement = (
@@ -175,7 +176,9 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     holds = share <= 1.0
     finite = np.isfinite(share)
     part = f"{percent(share)} of them are needed" if finite else "they are zero where a bound is needed"
-    statement = f"The law's b0, b1, b2 are {'enough' if holds else 'too small'} (19): {part}. {smallest_text}"
+    statement = (
+        f"The law's b0, b1, b2 are {'enough' if holds else 'too small'} for the paper's (19): {part}. {smallest_text}"
+    )
     return Verdict(
         *UNCERTAINTY_BOUND,
         holds,
@@ -188,7 +191,9 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
 
 
 def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintySamples:
-    """Return samples of a set. Half of the members are at its corners, half between a corner and the middle.
+    """Return `STATES` samples of each of some members.
+
+    Half of the members are at corners of the set, half between a corner and the middle.
 
     - `count`: number of members.
     """
@@ -227,7 +232,10 @@ def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintyS
 
 
 def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
-    """Return b0, b1, b2 >= 0 that cover all samples, with the least mean of `b0 + b1‖q‖ + b2‖q̇‖²`."""
+    """Return b0, b1, b2 >= 0 with `lumped <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` for all samples, and the least mean.
+
+    - `gamma`: γ.
+    """
     from scipy.optimize import linprog
 
     rows = np.stack([np.ones_like(samples.position), samples.position, samples.speed], axis=1)
@@ -240,9 +248,11 @@ def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
 
 
 def largest_share(numbers: Floats, gamma: float, samples: UncertaintySamples) -> float:
-    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs; inf if this bound is 0 at such a sample.
+    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs in addition to γ‖τ‖.
 
-    - `numbers`: b0, b1, b2.
+    It is inf if the bound is 0 at a sample that needs it.
+
+    - `numbers`: b0, b1, b2. `gamma`: γ.
     """
     needs = np.maximum(samples.lumped - gamma * samples.torque, 0.0)
     bound = _state_bound(numbers, samples)

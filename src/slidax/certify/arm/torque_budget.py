@@ -37,7 +37,7 @@ AT_LIMIT = 0.999
 
 @dataclass(frozen=True, eq=False)
 class ApproachRuns:
-    """Results of the simulated approaches.
+    """Results of the simulated approach to the reference: from the start until the envelope is narrow.
 
     - `tau`: torques [runs times n], N m or N; nan after the end of a run.
     - `t`: sample times [times], s.
@@ -53,6 +53,7 @@ class ApproachRuns:
 
     @property
     def runs(self) -> int:
+        """Number of runs."""
         return len(self.tau)
 
     @property
@@ -76,14 +77,17 @@ class ApproachRuns:
         return replace(self, tau=self.tau[:, later], t=self.t[later])
 
     def reached(self, limit: Floats, change: Floats) -> Flags:
-        """Return True for each joint that reached a limit [n].
+        """Return True for each joint that reached a limit in some run [n].
 
-        - `limit`, `change`: limits of the torque, and of its change in a period [n].
+        - `limit`: limit of |τ| [n]. `change`: limit of τ's change in a period [n].
         """
         return (self.peak >= AT_LIMIT * limit) | (self.step >= AT_LIMIT * change)
 
     def free_after(self, limit: Floats, change: Floats) -> Floats:
-        """Return for each joint the time after which it reaches no limit in any run [n], s."""
+        """Return for each joint the time after which it reaches no limit in any run [n], s.
+
+        - `limit`, `change`: as in `reached`.
+        """
         with np.errstate(invalid="ignore"):
             limited = np.abs(self.tau) >= AT_LIMIT * limit
             limited[:, 1:] |= np.abs(np.diff(self.tau, axis=1)) >= AT_LIMIT * change
@@ -149,7 +153,7 @@ def narrow_time(scenario: Scenario) -> float:
 
 
 def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Return members and random starts at corners of the set; the first are the scenario's own."""
+    """Return true arms, and as many random starts (q, dq), at corners of the set; the first are the scenario's own."""
     scenario, count = members.scenario, len(members.axes)
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
@@ -206,9 +210,10 @@ class BrakingMargin:
 
 
 def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> BrakingMargin:
-    """Return the drives' reserve, `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members.
+    """Return the acceleration that the drives can deliver in addition to the motion, for braking.
 
-    M_ii is the largest value of M0 and of the members at corners of the set.
+    It is `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members. M_ii is the largest value of M0 and of the
+    members at corners of the set.
 
     - `limit`: limits of the torques [n].
     - `torque`: largest |τ| along the motion over the set [n].
@@ -291,7 +296,7 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
 
 
 def motion_torques(scenario: Scenario, demand: Demand, members: Members) -> tuple[Floats, Floats]:
-    """Return the largest |τ| of each joint along the motion over the set, and its largest change in a period [n]."""
+    """Return each joint's largest |τ| along the motion over all members, and the largest change in a period [n]."""
     belief, motion = NominalModel.of(scenario, members.plant), StateSequence.of(scenario)
     mass, bias = belief.mass_and_bias(motion.t, motion.q, motion.dq)
     nominal = np.einsum("kij,kj->ki", mass, motion.ddq) + bias + belief.coulomb * np.tanh(motion.dq / belief.smoothing)

@@ -74,10 +74,10 @@ class MotionLimit:
 
 @dataclass(frozen=True, eq=False)
 class MotionVerdict:
-    """The bound along one motion, and the limits that the motion may exceed.
+    """The error bound along one motion, and the limits that the motion may exceed.
 
-    - `verdict`: verdict as of a certificate. It holds if the error is at most the allowed error, the arm's ranges are
-      kept and no torque limit acts.
+    - `verdict`: the bound with its assumptions. It holds if the error is at most the allowed error, the arm's ranges
+      are kept and no torque limit acts.
     - `limits`: limits that the motion may exceed: error, positions, speeds, then drives. A limit on the torque step
       alone does not change the verdict.
     """
@@ -143,7 +143,7 @@ def tracking_bound(scenario: Scenario) -> Verdict:
 
 @lru_cache(maxsize=4)
 def certified_law(scenario: Scenario) -> CertifiedLaw:
-    """Return `CertifiedLaw.of`; cached."""
+    """Return the scenario's law with its arm and uncertainty, by `CertifiedLaw.of`; cached."""
     return CertifiedLaw.of(scenario)
 
 
@@ -153,7 +153,7 @@ def piecewise(motion: AbstractMotion) -> AbstractPiecewisePolynomial:
     Raises DefinitionError for another motion.
     """
     if not isinstance(motion, AbstractPiecewisePolynomial):
-        raise DefinitionError(f"needs piecewise polynomials that end at rest; got `{type(motion).__name__}`")
+        raise DefinitionError(f"the motion must consist of polynomials and end at rest; got `{type(motion).__name__}`")
     return motion
 
 
@@ -220,8 +220,8 @@ def admit(
 def monitor_setting(admissions: Sequence[MotionAdmission]) -> dict[str, list[float]] | None:
     """Return the setting of a monitor for admitted motions, as in a scenario file; None if no motion is admitted.
 
-    `disturbance` bounds each joint's estimated disturbance for every arm of the set. So the monitor raises no false
-    alarm on these arms.
+    `disturbance` bounds each joint's estimated disturbance [n], rad/s² or m/s², for every arm of the set. So the
+    monitor raises no false alarm on these arms.
     """
     bounds = [answer.verdict.bound["disturbance"] for answer in admissions if answer.admitted]
     if not bounds:

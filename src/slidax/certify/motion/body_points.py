@@ -39,8 +39,8 @@ class BodyPoints:
     - `revolute`: True for a revolute joint [n].
     - `before`: [n n], True where the row's joint is the column's joint or an ancestor of it.
     - `parents`: index of each joint's parent; below 0 for the base.
-    - `pseudo_inertias`: of each joint's body with its payload, in the joint's frame [n 4 4].
-    - `points`: four points of each body, in homogeneous coordinates [n 4 4].
+    - `pseudo_inertias`: J of each joint's body with its payload, in the joint's frame [n 4 4].
+    - `points`: four points of each body, in homogeneous coordinates; the rows of P with `J = PᵀP` [n 4 4].
     - `rotors`: inertia of the rotors [n], kg m²; `gravity`: [3], m/s².
     """
 
@@ -71,9 +71,9 @@ class BodyPoints:
             least, largest = np.linalg.eigvalsh(body)[[0, -1]]
             if least < -1e-6 * max(largest, 1e-12):
                 raise DefinitionError(
-                    f"the inertia of link `{name}` is of no rigid body (its pseudo-inertia has the eigenvalue "
-                    f"{least:.3g}), so that no band of inertial parameters around it exists; identify the arm or "
-                    "correct its file"
+                    f"no rigid body has the inertia of link `{name}`: its pseudo-inertia has the eigenvalue "
+                    f"{least:.3g}, and all must be >= 0. So the arm has no band of inertial parameters; identify the "
+                    "arm or correct its file"
                 )
         return cls(
             rotations=np.asarray(arm.rotations),
@@ -89,13 +89,14 @@ class BodyPoints:
 
     @property
     def joints(self) -> int:
+        """Number of joints n."""
         return len(self.rotors)
 
 
 def pseudo_inertias(parameters: Floats) -> Floats:
-    """Return the pseudo-inertias of bodies [... n 4 4].
+    """Return the pseudo-inertias `[Σ m c; m cᵀ m]` of bodies [... n 4 4], for mass m, centre c and second moments Σ.
 
-    - `parameters`: ten parameters per body, as in `identify.regressor` [... 10n].
+    - `parameters`: ten per body: m, m c, and the inertia about the frame's origin, xx, yy, zz, xy, xz, yz [... 10n].
     """
     bodies = parameters.reshape(*parameters.shape[:-1], -1, BODY)
     inertia = np.empty((*bodies.shape[:-1], 3, 3))
@@ -110,7 +111,10 @@ def pseudo_inertias(parameters: Floats) -> Floats:
 
 
 def points_of(pseudo: Floats) -> Floats:
-    """Return the four points of pseudo-inertias, P with `PᵀP = J`, [... 4 4]."""
+    """Return four points of each pseudo-inertia J, in homogeneous coordinates: the rows of P with `PᵀP = J`, [... 4 4].
+
+    - `pseudo`: J [... 4 4].
+    """
     values, vectors = np.linalg.eigh(pseudo)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., :, None] * vectors.swapaxes(-1, -2))
 
@@ -119,7 +123,7 @@ def points_of(pseudo: Floats) -> Floats:
 class PointMotion:
     """Points along a motion, at several times. X has D = 12 n coordinates: three for each of a body's four points.
 
-    - `columns`: Y and its first two derivatives by time, each [times D n].
+    - `columns`: the Jacobian `Y = ∂X/∂q` and its first two derivatives by time, each [times D n].
     - `acceleration`: `Ẍ - g` [times D]; `jerk`: `X⃛` [times D].
     """
 

@@ -157,7 +157,7 @@ def _disturbance(plants: list[Plant], joints: int) -> Floats:
     if not np.all(np.isfinite(size)):
         raise DefinitionError(
             "a bound along a motion needs disturbances of bounded torque: describe friction under `robot.plant`, and "
-            "leave out a contact"
+            "leave out contacts"
         )
     return np.asarray(size, float)
 

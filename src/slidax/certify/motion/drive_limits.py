@@ -53,7 +53,7 @@ class DriveBounds:
 
 
 def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
-    """Return the bounds of torque and torque step along a path.
+    """Return the bounds of the commanded torque and of its step along a path.
 
     - `arm`: the nominal arm. `solution`: verified error bounds.
     """
@@ -99,7 +99,7 @@ def _torques(arm: Any, q: Any, dq: Any, ddq: Any) -> Any:
 
 
 class Torques:
-    """Bounds of the torques that act on the joints' loops, and of the model's change from one period to the next."""
+    """Bounds of the torques that disturb the joints' loops, and of the commanded torques that follow from them."""
 
     def __init__(self, problem: Problem, bounds: Bounds) -> None:
         """Compute the bounds of the torques from verified bounds of the outputs."""
@@ -175,7 +175,9 @@ class Torques:
         return shares
 
     def moved(self, position: str, velocity: str) -> Floats:
-        """Return the change of the model's torque as its position and velocity change [cells n], without s.
+        """Return a bound of the change of the model's torque as its position and velocity change [cells n].
+
+        The part due to the feedback acceleration s is left out.
 
         - `position`, `velocity`: names of the outputs that bound the two changes.
         """
@@ -186,10 +188,10 @@ class Torques:
 
     @cached_property
     def moves(self) -> tuple[Floats, Floats, Floats]:
-        """Steps of the model's deviation from the motion, per period.
+        """Bounds of the change of the model state's deviation from the motion, in a period.
 
-        Steps of position and velocity [cells n], and the norm of the velocity step [cells]. The plan's velocity is a
-        mean over a period, so that its rate differs from the motion's by the shares `off`.
+        They are: change of position and of velocity [cells n], and the norm of the latter [cells]. The plan's velocity
+        is a mean over a period, so that its rate differs from the motion's by the shares `off`.
         """
         cells, h = self.problem.path.cells, self.problem.path.cells.period
         place, speed = self.bounds.outputs["model_position_step"], self.bounds.outputs["model_velocity_step"]
@@ -198,17 +200,17 @@ class Torques:
         return place + h * off, speed + off, norm
 
     def turning(self) -> Floats:
-        """Return the step of `M0 s` due to the change of M0 in a period [cells n]."""
+        """Return a bound of the change of `M0 s` in a period that is due to the change of M0 [cells n]."""
         turned = self.cell.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
         change = self.problem.path.cells.period * self.at.change_torques + turned
         return change * self.bounds.norms["command"][:, None]
 
     def state_step(self) -> Floats:
-        """Return the step of the model's torque off the plan [cells n], without the share of s.
+        """Return a bound of the change, in a period, of the model's torque less that on the plan [cells n].
 
-        The step has two parts: the model's position and velocity change, and so do its derivatives `2 C` and P. The
-        change of `2 C` is its rate along the motion at the centre, plus a remainder; the change of P is bounded by
-        columns.
+        The part due to s is left out. The change has two parts: the model's position and velocity change, and so do its
+        derivatives `2 C` and P. The change of `2 C` is its rate along the motion at the centre, plus a remainder; the
+        change of P is bounded by columns.
         """
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
         path, tube, cells, sums, vectors = cell.path, cell.tube, cell.path.cells, cell.sums, cell.vectors

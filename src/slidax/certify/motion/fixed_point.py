@@ -93,7 +93,7 @@ class Inputs:
     - `viscous`: largest viscous coefficient [n], N m s/rad; `viscous_error`: its largest difference from the law's.
     - `torque`: disturbance torque of any form [n]; `torque_rate`: its rate [n], inf if the rate has no bound.
     - `resolution`: encoder resolution plus the noise's range, twice the largest error of a position [n], rad or m.
-    - `start_error`, `start_speed`: |e| and |v| at the start [n].
+    - `start_error`, `start_speed`: |e| and |ė| at the start [n].
     - `settled`: True if the disturbance estimate has settled at rest before the start; False if it starts from 0.
     """
 
@@ -112,10 +112,10 @@ class Inputs:
 class Bounds:
     """Bounds in each cell, which hold at every time in the cell.
 
-    - `error`, `velocity`: bounds of |e| and |v| [cells n].
-    - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric [cells].
+    - `error`, `velocity`: bounds of |e| and |ė| [cells n].
+    - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric of M0 [cells].
     - `shares`: function that computes `terms`.
-    - `disturbance`: bound of w per joint [cells n], without the inertial band along the motion and without a
+    - `disturbance`: bound of w in `ë = s + w` [cells n], without the inertial band along the motion and without a
       disturbance torque of bounded rate; `disturbance_norm`: the same in the metric [cells].
     - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
@@ -165,13 +165,13 @@ class Bounds:
 
 @lru_cache(maxsize=64)
 def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
-    """Return `spread_kernels`; cached, since motions share it."""
+    """Return `spread_kernels`, the joint loop's kernels by output; cached, since motions share them."""
     return spread_kernels(loop, p, growth)
 
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return the kernels of the outputs in `USED` as arrays; cached, since motions share them."""
+    """Return arrays of the kernels for the outputs in `USED`: nominal, weighted, departure and largest; cached."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -184,7 +184,7 @@ def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack
 
 @lru_cache(maxsize=256)
 def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
-    """Return the kernels summed over `count` cells of `cell` periods; cached, since motions and tubes share them."""
+    """Return the kernels of `stacks_of` summed over `count` cells of `cell` periods; cached."""
     return {name: stack.over(cell, count) for name, stack in stacks_of(loop, p, growth).items()}
 
 
@@ -315,7 +315,7 @@ class Problem:
         return small_gain, modes
 
     def round(self, last: Bounds | None) -> Bounds:
-        """Evaluate the inequalities once: return the bounds that follow from the `last` ones, or from 0 if None."""
+        """Evaluate all inequalities once: return the bounds that follow from `last`; None stands for bounds of 0."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         conversion = at.conversion
         joints, norms = dict(self.fixed_joints), dict(self.fixed_norms)
@@ -388,9 +388,9 @@ class Problem:
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
     def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
-        """Return a bound of |M0⁻¹ E ë| per joint [cells n]: the smaller of those in the metric and by element.
+        """Return a bound of |M0⁻¹ E ë|, `E = M - M0` [cells n]: the smaller of those in the metric and by element.
 
-        - `acceleration`: bound of |ë - ρ| per joint [cells n].
+        - `acceleration`: bound of |ë - ρ| per joint [cells n]; ρ as in the module's docstring.
         - `band`: bound of ‖M0⁻¹ E ë‖ [cells].
         """
         in_metric = self.at.conversion * band[:, None]
@@ -496,5 +496,5 @@ def _or_next(values: Floats) -> Floats:
 
 
 def memory(loop: JointLoop) -> float:
-    """Return the time after which a negligible share of the error's kernel is left, as in `remembered` [s]."""
+    """Return the time [s] after which a negligible share of the error's nominal kernel is left, as in `remembered`."""
     return remembered(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period

@@ -42,11 +42,12 @@ SETTLED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class HandOver:
-    """The plan of a law with a sliding surface, while s⁺ = 0.
+    """The plan of a law with a sliding surface, while the sliding variable s⁺ is 0.
 
     - `step`: step of the law; `period`: h [s]; `horizon`: H [s].
-    - `share`: θ0.
-    - `psi`: ψ(ε) on the wide and on the narrow side of the envelope [2 n M]; `phi`: φ(ε) [n M]; for ε >= 0, from 0 on.
+    - `share`: θ0, the share of the led error at which a plan without an envelope aims; 0 with one.
+    - `psi`: the transformation ψ(ε) on the wide and on the narrow side of the envelope [2 n M]; `phi`: the surface's
+      φ(ε) [n M]; both at M transformed errors ε >= 0, of which the first is 0.
     """
 
     step: AbstractSurfaceStep
@@ -116,7 +117,12 @@ class HandOver:
             times = np.asarray(self.period * np.arange(2 * len(times)), float)
 
     def frames(self, n: int) -> tuple[Floats, Floats, Floats]:
-        """Return N, A and ϑ ρ at each sample until the envelope is settled, each [times n]; then they are constant."""
+        """Return the envelope at each sample until it is settled: N, A and ϑ ρ, each [times n].
+
+        N and A are its scale now and at the end of the plan; ϑ ρ is the width of its narrow side, inf without envelope.
+
+        - `n`: number of joints.
+        """
         transformation = self.step.transformation
         if not isinstance(transformation, PrescribedPerformance):
             return np.ones((1, n)), np.ones((1, n)), np.full((1, n), np.inf)
@@ -150,7 +156,9 @@ class HandOver:
     def first_sliding(self, led: Floats, velocity: Floats, along: HandOverCells) -> Floats:
         """Return a bound of |s| at the first sample [n], where s is measured: `|v̂| + |N - A|/(H N) |y| + φ(ε)`.
 
-        - `led`, `velocity`: bounds of |y| and |v̂| at the first sample [n]. `along`: the plan in each cell.
+        - `led`: bound of the led error |y| at the first sample [n].
+        - `velocity`: bound of |v̂| there, the estimate of ė [n].
+        - `along`: the plan in each cell.
         """
         shares = led / along.now[0]
         places = np.array([np.searchsorted(row, y) for row, y in zip(self.psi.min(axis=0), shares, strict=True)])
@@ -167,8 +175,10 @@ FAR = 1e4
 class HandOverCells:
     """The plan in each cell of a motion.
 
+    N and A are the envelope's scale now and at the end of the plan; both are 1 without an envelope.
+
     - `now`, `ahead`: the least N and the largest A in each cell [cells n], rad or m.
-    - `room`: the least ϑ ρ [cells n]; inf without an envelope.
+    - `room`: the least width ϑ ρ of the envelope's narrow side [cells n]; inf without an envelope.
     - `drift`: |N - A|/(H N) at the first sample [n], 1/s.
     """
 
@@ -179,7 +189,9 @@ class HandOverCells:
     drift: Floats
 
     def goal(self, led: Floats) -> Floats:
-        """Return a bound of |g| in each cell [cells n], rad/s² or m/s², for a bound of |y| [cells n].
+        """Return a bound of |g|, the acceleration that the plan adds to the linear loop [cells n], rad/s² or m/s².
+
+        - `led`: bound of the led error |y| [cells n].
 
         Between two entries of the table, the upper ε is used. Interpolation in y keeps the bound continuous.
         """
@@ -206,7 +218,10 @@ class HandOverCells:
 
     @property
     def apart(self) -> list[tuple[Floats, Floats]]:
-        """For each joint, values y and the largest |ψ(ε) - θ0 y|/H² up to the next y. For a plan without envelope."""
+        """Table of the goal for a plan without an envelope: for each joint, values y and bounds of |ψ(ε) - θ0 y|/H².
+
+        A bound holds up to the next y.
+        """
         plan, rows = self.plan, []
         for psi_row, phi_row in zip(plan.psi[0], plan.phi, strict=True):
             y = psi_row + plan.horizon * phi_row

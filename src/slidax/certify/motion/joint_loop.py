@@ -141,7 +141,10 @@ class JointLoop:
     def with_horizon(
         cls, period: float, horizon: float, gains: tuple[float, float, float], delay: int = 1
     ) -> JointLoop:
-        """Return the loop of a computed torque with the horizon H [s], `kp = 1/H²`, `kd = (H - h/2)/H² + 1/H`."""
+        """Return the loop of a computed torque with the horizon H [s], `kp = 1/H²`, `kd = (H - h/2)/H² + 1/H`.
+
+        - `gains`, `delay`: as in `JointLoop`.
+        """
         if not horizon >= period:
             raise DefinitionError(f"`horizon` must be at least the period; got {horizon:g} s")
         lead = horizon - 0.5 * period
@@ -151,7 +154,7 @@ class JointLoop:
     def with_density(
         cls, period: float, horizon: float, density: float, resolution: float, delay: int = 1
     ) -> JointLoop:
-        """Return the loop with the steady Kalman filter of a disturbance that drifts as a random walk.
+        """Return the loop with a horizon [s] and the steady Kalman filter of a random-walk disturbance.
 
         - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
         - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.

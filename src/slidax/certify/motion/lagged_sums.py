@@ -31,7 +31,10 @@ class Lags:
         return cls(_summed(kernel, cell, count))
 
     def output(self, which: int) -> Lags:
-        """Return the weights of one output."""
+        """Return the weights of one output alone, [J + 1, 1].
+
+        - `which`: index of the output.
+        """
         return Lags(self.weights[:, which : which + 1])
 
     def past(self, values: Floats) -> Floats:
@@ -66,7 +69,10 @@ class Lags:
         return np.asarray(sums + weights[count] * sizes.max() * rates.max(axis=0))
 
     def since(self, sizes: Floats) -> Floats:
-        """Return `Σ_j weights_j sizes_{m-j}` [cells k outputs] for steps; there are none before the first cell."""
+        """Return `Σ_j weights_j sizes_{m-j}` for each cell m [cells k outputs]: the response to steps since cell 0.
+
+        - `sizes`: sizes of the steps in each cell [cells k].
+        """
         return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
 
     def _sums(self, values: Floats, before: Floats, rest: Floats) -> Floats:
@@ -116,7 +122,7 @@ class KernelStack:
 
     @classmethod
     def of(cls, kernels: list[LoopKernel]) -> KernelStack:
-        """Return the kernels of some outputs as arrays."""
+        """Return the kernels as arrays; `kernels` has one for each output."""
         summed, steps = (
             np.stack([np.stack([getattr(kernel, kind) for kernel in kernels], axis=1) for kind in kinds], axis=1)
             for kinds in (SUMMED, STEPS)

@@ -14,7 +14,9 @@ from .tracking_bound import CertifiedPath
 
 
 def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
-    """Return the assumptions that the gate accepts each sample, and that no limit on the law's estimates acts.
+    """Return two assumptions: the gate accepts each sample, and no limit on the law's estimates acts.
+
+    The value of each is the largest share of a limit that is used. Below 1 the assumption is proved, else assumed.
 
     The gate (`MeasurementGate`) may reject a position for three reasons: it is out of range; it is too far from the
     last one; or it equals the two before while the law predicts a travel, which is at most the innovation.
@@ -42,7 +44,7 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     lines = []
     for text, shares in (
         ("the measurement gate rejects no sample of the arm itself", gate_shares),
-        ("no limit of the law on its estimates acts", law_shares),
+        ("no limit of the law on its estimated disturbance or velocity acts", law_shares),
     ):
         largest = float(np.max(shares))
         lines.append(Assumption(text, "proved" if largest < 1.0 else "assumed", largest))
@@ -50,9 +52,11 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
 
 
 def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
-    """Return the assumptions about a law with a sliding surface: s⁺ = 0, u, and the envelope; none for another law.
+    """Return the assumptions about a law with a sliding surface; none for another law.
 
-    The value of each is the largest needed share of the allowed value, so that it is proved below 1.
+    They are: the sliding variable stays at 0, the robust torque u exceeds the estimated disturbance, and the error
+    stays inside the envelope. The value of each is the largest share of a limit that is used. Below 1 the assumption is
+    proved, else it fails.
     """
     plan, along = law.hand_over, certified.solution.problem.hand_over
     if plan is None or along is None:

@@ -74,7 +74,7 @@ class LoopKernel:
 
 @dataclass(frozen=True)
 class Spread:
-    """Kernels of one output over all inertia ratios κ of a band.
+    """Kernels of one output over all ratios κ of nominal to true inertia in a band.
 
     - `nominal`: for κ = 1. `departure`: largest size of the difference from the nominal response over κ.
     - `largest`: largest size of the response over κ.
@@ -86,12 +86,12 @@ class Spread:
 
 
 def loop_kernels(loop: JointLoop) -> dict[str, LoopKernel]:
-    """Return the kernels of all outputs of the nominal loop."""
+    """Return the kernels of the nominal loop, by output (`OUTPUTS`)."""
     return {name: spread.nominal for name, spread in spread_kernels(loop, 0.0).items()}
 
 
 def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, Spread]:
-    """Return the kernels of all outputs over κ from 1/(1 + p) to 1/(1 - p).
+    """Return the kernels by output, over ratios κ of nominal to true inertia from 1/(1 + p) to 1/(1 - p).
 
     Responses are computed for a grid of ratios. Between two neighbours a response departs from its chord by at most
     Δκ²/8 times its second derivative by κ (`_bend`). This share is added to the last lag of kernels that are summed,

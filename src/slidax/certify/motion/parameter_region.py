@@ -35,12 +35,13 @@ With it, the metric of a light body is not singular."""
 
 @dataclass(frozen=True, eq=False)
 class ParameterRegion:
-    """Region of the inertial parameters.
+    """Region of the true arm's inertial parameters around the nominal ones; all three bounds hold at once.
 
-    - `p`: p of the band.
-    - `points`: four points of each C_b [n 4 4]; `rotors`: largest errors of the rotors' inertias [n], kg m².
-    - `deviations`: pseudo-inertias of the rows of D [r n 4 4]; without an ellipsoid r is 0.
-    - `rotor_deviations`: rotor inertias of the rows of D [r n].
+    - `p`: the band: `(1 - p) M0(q) <= M(q) <= (1 + p) M0(q)` for the nominal and the true inertia matrix.
+    - `points`: the cover: four points of each C_b, with `-C_b <= ΔJ_b <= C_b` for the error of body b's pseudo-inertia
+      [n 4 4]; `rotors`: largest errors of the rotors' inertias [n], kg m².
+    - `deviations`, `rotor_deviations`: the ellipsoid: the error of all parameters is `ξ D` with |ξ| <= 1. These are the
+      pseudo-inertias [r n 4 4] and rotor inertias [r n] of the rows of D; without an ellipsoid r is 0.
     - `title`: the region in words.
     """
 
@@ -62,7 +63,7 @@ class BodyBand:
     """Band of inertial parameters around the nominal arm.
 
     - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia of every link, payload included.
-    - `rotors`: the same for the inertia of the rotors.
+    - `rotors`: p of the rotors' inertias, in the same inequalities.
 
     Raises DefinitionError unless both are in [0, 1).
     """
@@ -77,7 +78,10 @@ class BodyBand:
                 raise DefinitionError(f"`BodyBand.{name}` must be in [0, 1); got {value:g}")
 
     def region(self, bodies: BodyPoints) -> ParameterRegion:
-        """Return the region. Its p is the larger of both, as M is a positive linear map of inertias and rotors."""
+        """Return the region around the nominal arm with these bodies.
+
+        Its p is the larger of both, as M is a positive linear map of inertias and rotors.
+        """
         n = bodies.joints
         return ParameterRegion(
             p=max(self.bodies, self.rotors),
@@ -95,7 +99,7 @@ def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
     Combinations of parameters that affect no torque are free. They are chosen by least squares, so that the deviations
     are small relative to the bodies. This makes the cover small, which is a bound per body.
 
-    - `arm`: the identified arm, which is the nominal arm.
+    - `arm`: the identified arm, which is the nominal arm. `band`: p and the ellipsoid of its parameters' errors.
 
     Raises DefinitionError if the band has another number of joints, or p is not below 1.
     """
@@ -126,9 +130,10 @@ def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
 
 
 def ball_region(arm: Articulated, rows: Floats, p: float, title: str) -> ParameterRegion:
-    """Return the region of `ξ D` with |ξ| <= 1.
+    """Return the region of parameter errors `ξ D` with |ξ| <= 1.
 
-    - `arm`: the nominal arm. `rows`: D [r 11n]. `p`: p of the band. `title`: the region in words.
+    - `arm`: the nominal arm. `rows`: D [r 11n], ten parameters per body, then the rotors. `title`: the region in words.
+    - `p`: bound of the inertia matrix's relative error, as in `ParameterRegion`.
 
     Raises DefinitionError as `identified_region` does.
     """
@@ -138,16 +143,19 @@ def ball_region(arm: Articulated, rows: Floats, p: float, title: str) -> Paramet
 
 
 def require_small(p: float) -> None:
-    """Raise DefinitionError unless p of the band is below 1."""
+    """Raise DefinitionError unless p is below 1.
+
+    - `p`: bound of the inertia matrix's relative error, as in `ParameterRegion`.
+    """
     if not p < 1.0:
         raise DefinitionError(
-            f"the mass matrix may differ from the nominal one by a share of p = {p:.3g}; a bound along a motion "
-            "needs less than 1: make the sets narrower, or identify the arm"
+            f"the true mass matrix may differ from the nominal one M0 by p M0, with p = {p:.3g}; a bound along a "
+            "motion needs p < 1: make the uncertainty sets narrower, or identify the arm"
         )
 
 
 def joined_regions(regions: Sequence[ParameterRegion]) -> ParameterRegion:
-    """Return the region that contains every sum of errors, with one error from each region.
+    """Return the region that contains every sum of parameter errors, one from each region.
 
     p and the covers add up. With weights `w_k > 0` whose sum is 1, a sum of errors from ellipsoids D_k lies in the
     ellipsoid of the rows `D_k/√w_k`. The weights are in proportion to p.
@@ -195,7 +203,11 @@ def cover_points(deviations: Floats, roots: Floats) -> Floats:
 
 
 def _least_deviations(arm: Articulated, deviations: Floats, roots: Floats, rotors: Floats) -> Floats:
-    """Return deviations that change torques in the same way, and are smallest in the metric of the bodies."""
+    """Return parameter errors [r 11n] with the same effect on torques as `deviations`, and of least size.
+
+    - `deviations`: parameter errors [r 11n].
+    - `roots`, `rotors`: metric of the size: a 4 × 4 matrix that scales each pseudo-inertia, and a unit of each rotor.
+    """
     n = arm.joints
     base, scale = base_parameters(arm)
     hidden = np.linalg.svd(base.T)[2][base.shape[1] :] * scale

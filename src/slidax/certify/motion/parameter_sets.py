@@ -56,9 +56,10 @@ def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[
 
     The sum of all regions contains the true arm. The list is empty if the true arm is the nominal arm.
 
-    - `arm`: the nominal arm. `plant`: the plant with any values from the sets.
+    - `arm`: the nominal arm. `plant`: the plant; its values may be any in the sets.
 
-    Raises DefinitionError if inertial parameters are not affine in a value, or a payload comes or goes.
+    Raises DefinitionError if inertial parameters are not affine in a value, or a payload is attached or released during
+    the motion.
     """
     family = family_of(scenario)
     sets = {} if family is None else {k: each for k, each in family.space.sets.items() if k.startswith(INERTIAL)}
@@ -99,16 +100,19 @@ def _chain(robot: TwoLink | Scara) -> Articulated:
 
 
 def true_parameters(robot: AbstractRobot, load: TimedPayload | None) -> Floats:
-    """Return the inertial parameters of a true arm with its payload [11n].
+    """Return the inertial parameters of a true arm with its payload [11n]: ten per body, then the rotors' inertias.
 
-    Raises DefinitionError if the payload comes or goes, or the arm does not consist of rigid links.
+    - `load`: a payload in addition to the arm's own; None without one.
+
+    Raises DefinitionError if the payload is attached or released during the motion, or the arm does not consist of
+    rigid links.
     """
     links = rigid_links(robot)
     if load is not None:
         if float(load.attached) > 0.0 or np.isfinite(float(load.released)):
             raise DefinitionError(
-                "a payload that comes or goes during a motion has no bound: set `robot.plant.load.attached: 0` and "
-                "leave out `released`, or certify the motions before and after"
+                "a payload that is attached or released during a motion is not covered: set "
+                "`robot.plant.load.attached: 0` and leave out `released`, or certify the motions before and after"
             )
         links = eqx.tree_at(lambda arm: arm.payload, links, links.payload.joined(load.payload))
     return arm_parameters(links)
@@ -148,7 +152,10 @@ def _affine(family: Family, axes: list[UncertainValue]) -> tuple[Floats, Floats]
 
 
 def _box_region(bound: MassBound, rows: Floats) -> ParameterRegion:
-    """Return the region of `Σ ξ_k D_k` with |ξ_k| <= 1."""
+    """Return the region of parameter errors `Σ ξ_k D_k` with |ξ_k| <= 1.
+
+    - `bound`: computes p of a row. `rows`: D_k [K 11n].
+    """
     n = rows.shape[1] // (BODY + 1)
     bodies, rotors = pseudo_inertias(rows[:, : BODY * n]), rows[:, BODY * n :]
     # Rows that take mass away change their sign.

@@ -1,4 +1,4 @@
-"""The nominal arm along a motion, and the region around it."""
+"""Inertia of the nominal arm along a motion, and the region of parameters that contains the true arm."""
 
 from __future__ import annotations
 
@@ -19,9 +19,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The nominal arm at the centres of a motion's cells, and the parameter region around it.
+    """The nominal arm at the centre of each time cell of a motion, and the region of the true arm's parameters.
 
-    None of it depends on the tube.
+    Nothing here depends on the tube of deviations around the motion. X has the positions of body points, whose Jacobian
+    is `Y = ∂X/∂q` (body_points.py).
+
+    - `bodies`: the nominal arm. `region`: region of the inertial parameters. `cells`: the motion.
+    - `frames`: motion of the joints' frames at the centres.
     """
 
     bodies: BodyPoints
@@ -31,22 +35,22 @@ class Path:
 
     @classmethod
     def of(cls, bodies: BodyPoints, region: ParameterRegion, cells: PathCells) -> Path:
-        """Return the arm at the centres of the cells."""
+        """Return the arm at the centres of a motion's cells; the arguments are the fields."""
         return cls(bodies, region, cells, frame_motion(bodies, cells.q, cells.dq, cells.ddq, cells.dddq))
 
     @cached_property
     def points(self) -> PointMotion:
-        """The points of the nominal bodies."""
+        """Motion of the nominal bodies' points."""
         return self.frames.of(self.bodies.points)
 
     @cached_property
     def cover(self) -> PointMotion:
-        """The points of the region's cover."""
+        """Motion of the cover's points, which bound the errors of the bodies' pseudo-inertias."""
         return self.frames.of(self.region.points)
 
     @cached_property
     def mass(self) -> Floats:
-        """M0 at the centres [cells n n]."""
+        """M0, the nominal inertia matrix, at the centres [cells n n]."""
         y = self.points.columns[0]
         return gram(y, y) + np.diag(self.bodies.rotors)
 
@@ -62,12 +66,12 @@ class Path:
 
     @cached_property
     def change(self) -> Floats:
-        """Norm of `M0⁻¹ Ṁ0` in the metric of M0 [cells], 1/s."""
+        """Norm of `M0⁻¹ Ṁ0` in the metric of M0, `‖x‖² = xᵀ M0 x`, along the motion [cells], 1/s."""
         return spectral_norm(self.root.swapaxes(1, 2) @ self.rate @ self.root)
 
     @cached_property
     def coriolis(self) -> Floats:
-        """`2 C(q, q̇)` at the centres [cells n n]."""
+        """`2 C(q, q̇)` with the Coriolis matrix C of the nominal arm, at the centres [cells n n]."""
         y, y1, _ = self.points.columns
         return 2.0 * gram(y, y1)
 
@@ -78,7 +82,10 @@ class Path:
 
     @cached_property
     def torques(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Largest `(A x)_i` over all x of norm 1, each [cells n]: for 2 C, the rate of 2 C, Ṁ0 and the rate of Ṁ0."""
+        """Largest `(A x)_i` over all x with `xᵀ M0 x = 1`, for the matrices A = 2 C, the rate of 2 C, Ṁ0 and M̈0.
+
+        Each is [cells n].
+        """
         y, y1, y2 = self.points.columns
         turn = 2.0 * (gram(y1, y1) + gram(y, y2))
         forms = self.coriolis, turn, self.rate, 0.5 * (turn + turn.swapaxes(1, 2))
@@ -86,7 +93,7 @@ class Path:
 
     @cached_property
     def stiffness(self) -> Floats:
-        """P, the derivative of the inverse dynamics by q, at the centres [cells n n]."""
+        """P, the derivative of the nominal inverse dynamics by q, at the centres [cells n n]."""
         y, _, y2 = self.points.columns
         (count, _, n), pairs = y.shape, self.pairs
         force = np.cross(y.swapaxes(1, 2).reshape(count, n, -1, 3), self.points.acceleration.reshape(count, 1, -1, 3))
@@ -95,25 +102,25 @@ class Path:
 
     @cached_property
     def pairs(self) -> JointPairs:
-        """The pairs of joints."""
+        """Tables of the pairs of joints, for second derivatives of X."""
         return JointPairs.of(self.bodies.before)
 
     @cached_property
     def cover_moments(self) -> PointMoments:
-        """Inner products of the cover's points at the centres."""
+        """Inner products of derivatives of the cover's points at the centres."""
         return PointMoments.of(self.cover.columns[0], self.frames.axes)
 
     @cached_property
     def norms(self) -> PointNorms:
-        """Norms of the nominal points at the centres."""
+        """Norms of derivatives of the nominal bodies' points at the centres."""
         return PointNorms.of(self, self.points, PointMoments.of(self.points.columns[0], self.frames.axes))
 
     @cached_property
     def cover_norms(self) -> PointNorms:
-        """Norms of the cover's points at the centres; norms of products are bounded by products of norms."""
+        """Norms of derivatives of the cover's points at the centres, as `PointNorms.of` computes them for a cover."""
         return PointNorms.of(self, self.cover, self.cover_moments, cover=True)
 
     @cached_property
     def region_norms(self) -> RegionNorms:
-        """Suprema over the parameter region at the centres."""
+        """Suprema over all arms of the parameter region, at the centres."""
         return RegionNorms.of(self)

@@ -29,14 +29,14 @@ SHORTEST_CELL, LONGEST_CELL = 0.005, 0.028
 
 @dataclass(frozen=True, eq=False)
 class PathCells:
-    """A motion in cells of equal length. A motion that ends is followed by some rest.
+    """A motion cut into time cells of equal length. A motion that ends is followed by some time at rest.
 
     - `period`: h [s]; `per_cell`: periods in a cell.
     - `q`, `dq`, `ddq`, `dddq`: the motion at the centre of each cell [cells n].
     - `speed`, `acceleration`, `jerk`: bounds of |dq|, |ddq| and |dddq| over each cell [cells n].
     - `jump`: sum of the sizes of the acceleration's jumps in each cell [cells n].
-    - `pulse`: largest difference, over the periods of a cell, between the reference's step and its step under the mean
-      acceleration [cells n], rad or m.
+    - `pulse`: largest difference, over the periods of a cell, between the reference's change of position in the period
+      and the change that the period's mean acceleration gives [cells n], rad or m.
     - `pieces`: the motion itself.
     - `until`: end of the last cell for a motion without an end [s]. None for a motion that ends at rest: then the last
       cell stands for all later times.
@@ -121,7 +121,7 @@ class PathCells:
 
 
 class AbstractPieces(ABC):
-    """A motion with bounds of its derivatives.
+    """A motion from time 0, with bounds of its derivatives.
 
     - `knots`: times at which the acceleration may jump, in increasing order; the last is the end of the motion [s].
     """
@@ -146,7 +146,10 @@ class AbstractPieces(ABC):
 
     @abstractmethod
     def extremes(self, order: int) -> Extremes:
-        """Return bounds of a derivative's extremes; order 0 is the position."""
+        """Return bounds of each joint's least and largest value of a derivative over the motion, with their times.
+
+        - `order`: order of the derivative; 0 for the position.
+        """
 
     def per_cell(self, period: float) -> int:
         """Return the number of periods in a cell, chosen by the speed of the motion."""
@@ -157,9 +160,9 @@ class AbstractPieces(ABC):
 
 
 def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPieces:
-    """Return a motion with bounds of its derivatives.
+    """Return a motion with bounds of its derivatives, for `PathCells`.
 
-    - `until`: time up to which a motion without an end is bounded [s].
+    - `until`: time up to which a motion without an end is bounded [s]; not used for a piecewise polynomial.
 
     Raises DefinitionError for a motion of another kind, or for a motion without an end if `until` is None.
     """
@@ -171,13 +174,15 @@ def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPie
             "`trajectory.kind` to `quintic`, `minimum_jerk`, `csv` or `joint_trajectory`"
         )
     if until is None:
-        raise DefinitionError(f"`{type(motion).__name__}` has no end: give `until`, the time up to which to bound it")
+        raise DefinitionError(
+            f"a motion of kind `{type(motion).__name__}` has no end: give `until`, the time [s] up to which to bound it"
+        )
     return SmoothPieces(motion, np.array([0.0, until]))
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieces(AbstractPieces):
-    """A smooth motion from time 0 to an end. Before time 0 the reference moves with constant velocity."""
+    """A smooth motion from time 0 to the last of the `knots` [s]. Before time 0 it moves with constant velocity."""
 
     motion: AbstractSmoothMotion
     knots: Floats

@@ -1,4 +1,8 @@
-"""Norms of points at the centres of a motion's cells, in the metric of the nominal inertia there."""
+"""Norms of derivatives of body points at the centres of a motion's cells.
+
+X(q) has the positions of the points (body_points.py), and `Y = ∂X/∂q` is their Jacobian. Joint vectors have norms in
+the metric of the nominal inertia matrix M0 at the centre: `‖x‖² = xᵀ M0 x`.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +22,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PointNorms:
-    """Norms of a set of points at the centres, in the metric there.
+    """Norms of derivatives of points X at the centres, with norms of joint vectors in the metric of M0 there.
+
+    Y is the Jacobian ∂X/∂q, and ∂_j the derivative by q_j.
 
     - `size`, `first`, `second`: norms of Y, Ẏ and Ÿ [cells].
     - `coriolis`, `coriolis_rate`: norms of `2 YᵀẎ` and of its rate [cells].
-    - `slopes`, `turning`: norms of `∂_j Y` and `Yᵀ ∂_j Y` [cells n].
+    - `slopes`, `turning`: Frobenius norms of `∂_j Y` and `Yᵀ ∂_j Y` for each joint j [cells n].
     - `slopes_norm`, `turning_norm`: bounds of `‖Σ_j v_j ∂_j Y‖` and `‖Σ_j v_j Yᵀ ∂_j Y‖` over all v of norm 1 [cells].
-    - `outer`: bound of ‖Y x‖ over ‖x‖ = 1, for the columns of joint k and the joints that it carries [cells n].
-    - `own`: ‖∂_k X‖ [cells n].
-    - `force`, `bend`: sizes of `Ẍ - g`, and of `X⃛` without its share of the jerk, per body [cells n].
+    - `outer`: for each joint k, a bound of ‖Y x‖ over ‖x‖ = 1 with only the columns of k and of the joints that it
+      carries [cells n].
+    - `own`: ‖∂_k X‖ of each joint k [cells n].
+    - `force`, `bend`: norms of `Ẍ - g` and of `X⃛ - Y q⃛` over the points of each body [cells n].
     """
 
     size: Floats
@@ -47,6 +54,7 @@ class PointNorms:
     def of(cls, path: Path, points: PointMotion, moments: PointMoments, *, cover: bool = False) -> PointNorms:
         """Compute the norms at the centres of a path's cells.
 
+        - `points`: motion of the points. `moments`: inner products for the same points.
         - `cover`: True for the points of a cover, which bound errors `-C <= ΔJ <= C`. Then the norm of a product is
           bounded by the product of the norms: an inner product with ΔJ may be larger than that with C.
         """
@@ -83,13 +91,16 @@ class PointNorms:
 
 
 def by_body(points: Floats) -> Floats:
-    """Return the norm of each body's points [cells n ...], from coordinates [cells D ...]."""
+    """Return the norm over the points of each body [cells n ...].
+
+    - `points`: values for the D = 12 n coordinates of all points [cells D ...].
+    """
     bodies = points.reshape(len(points), -1, 12, *points.shape[2:])
     return np.asarray(np.linalg.norm(bodies, axis=2))
 
 
 def gram(a: Floats, b: Floats) -> Floats:
-    """Return `aᵀ b` of each cell [cells n n]."""
+    """Return `aᵀ b` of each cell [cells n n], from matrices [cells D n]."""
     return np.asarray(a.swapaxes(1, 2) @ b)
 
 
@@ -100,7 +111,9 @@ def spectral_norm(a: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class JointPairs:
-    """Pairs (j, k) of joints: `∂_j∂_k X = z_inner × ∂_outer X` if one joint carries the other, else 0.
+    """Pairs (j, k) of joints, for the second derivatives of points X by joint positions.
+
+    If one joint carries the other, `∂_j∂_k X = z_inner × ∂_outer X`, with the joints' axes z; else it is 0.
 
     - `inner`, `outer`: the smaller and the larger index of each pair [n n].
     - `known`: 1 where one joint carries the other, else 0 [n n].
@@ -112,7 +125,10 @@ class JointPairs:
 
     @classmethod
     def of(cls, before: NDArray[np.bool_]) -> JointPairs:
-        """Return the pairs of an arm's joints."""
+        """Return the pairs of an arm's joints.
+
+        - `before`: as in `BodyPoints`: True where the row's joint is or carries the column's joint [n n].
+        """
         pairs = np.sort(np.indices(before.shape), axis=0)
         inner, outer = pairs[0], pairs[1]
         return cls(inner, outer, np.where(before[inner, outer], 1.0, 0.0))
@@ -120,7 +136,7 @@ class JointPairs:
 
 @dataclass(frozen=True, eq=False)
 class PointMoments:
-    """Inner products of the fields `z_a × ∂_k X`, for the axes z of all joints.
+    """Inner products of the fields `z_a × ∂_k X`, for the points X and the axis z_a of each joint a.
 
     - `slopes_products`: `(z_a × ∂_k X) · (z_b × ∂_l X)` [cells a k b l].
     - `slopes_columns`: `(z_a × ∂_k X) · ∂_l X` [cells a k l].
@@ -133,7 +149,7 @@ class PointMoments:
     def of(cls, y: Floats, axes: Floats) -> PointMoments:
         """Compute the products from `Σ ∂_k X ∂_l Xᵀ`, a 3 × 3 matrix of each pair of joints.
 
-        - `y`: Y [cells D n]. `axes`: [cells n 3].
+        - `y`: `Y = ∂X/∂q` [cells D n]. `axes`: the joints' axes z, 0 for a prismatic joint [cells n 3].
         """
         count, n = axes.shape[:2]
         stacked = y.reshape(count, -1, 3 * n)
@@ -149,7 +165,14 @@ class PointMoments:
         return cls(products, columns)
 
     def slopes(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
-        """Return the norms of `∂_j Y` [cells n], and a bound of `‖Σ_j v_j ∂_j Y‖` over v of norm 1 [cells]."""
+        """Return the Frobenius norms of `∂_j Y`, and a bound of `‖Σ_j v_j ∂_j Y‖` over v of norm 1.
+
+        `Y = ∂X/∂q` is the Jacobian of the points X; joint vectors have norms in the metric of M0. Returns [cells n] and
+        [cells].
+
+        - `pairs`: tables of the pairs of joints. `inverse`: M0⁻¹ [cells n n].
+        - `root`: `G⁻ᵀ` with `M0 = G Gᵀ` [cells n n].
+        """
         count, n = inverse.shape[:2]
         j, i, k, l = np.indices((n, n, n, n))
         places = np.ravel_multi_index(
@@ -162,7 +185,14 @@ class PointMoments:
         return _sizes(each, square, root)
 
     def turning(self, pairs: JointPairs, inverse: Floats, root: Floats) -> tuple[Floats, Floats]:
-        """Return the norms of `Yᵀ ∂_j Y` [cells n], and a bound of `‖Σ_j v_j Yᵀ ∂_j Y‖` over v of norm 1 [cells]."""
+        """Return the Frobenius norms of `Yᵀ ∂_j Y`, and a bound of `‖Σ_j v_j Yᵀ ∂_j Y‖` over v of norm 1.
+
+        `Y = ∂X/∂q` is the Jacobian of the points X; joint vectors have norms in the metric of M0. Returns [cells n] and
+        [cells].
+
+        - `pairs`: tables of the pairs of joints. `inverse`: M0⁻¹ [cells n n].
+        - `root`: `G⁻ᵀ` with `M0 = G Gᵀ` [cells n n].
+        """
         count, n = inverse.shape[:2]
         columns = self.slopes_columns[:, pairs.inner, pairs.outer] * pairs.known[..., None]
         columns = (columns.reshape(count, n * n, n) @ root).reshape(count, n, n, n)
@@ -174,11 +204,17 @@ class PointMoments:
 
 
 def _sizes(each: Floats, square: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Return the roots of squared norms `each`, and of the largest eigenvalue of the form `square` in the metric."""
+    """Return the square roots of `each` [cells n], and of the largest eigenvalue of `square` in the metric [cells].
+
+    - `each`: squared norms [cells n]. `square`: a quadratic form [cells n n]. `root`: as in `PointMoments.slopes`.
+    """
     values = np.linalg.eigvalsh(root.swapaxes(1, 2) @ square @ root)[:, -1]
     return np.sqrt(np.maximum(each, 0.0)), np.sqrt(np.maximum(values, 0.0))
 
 
 def size_in(x: Floats, inertia: Floats) -> Floats:
-    """Return `√(|x|ᵀ |M| |x|)` [cells], the largest norm of a vector whose entries have these sizes."""
+    """Return `√(xᵀ |M| x)` [cells], the largest norm `√(yᵀ M y)` of a vector y with |y_i| <= x_i.
+
+    - `x`: bounds of the entries [cells n]. `inertia`: |M| by element [cells n n].
+    """
     return np.sqrt(np.einsum("ni,nij,nj->n", x, inertia, x))

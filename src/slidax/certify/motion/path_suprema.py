@@ -20,7 +20,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Suprema:
-    """Bounds in each cell.
+    """Bounds in each cell, for all times in it and all arm positions in the tube. Norms are in the metric of M0.
+
+    M0 and C are the nominal inertia and Coriolis matrix, `E = M - M0` and `Δn` the errors of the inertia matrix and of
+    the Coriolis torque with gravity. s is the law's feedback acceleration.
 
     - `conversion`: `√(M0⁻¹)_ii`, the largest coordinate i of a vector of norm 1 [cells n].
     - `inverse`, `inertia`: |M0⁻¹| and |M0| by element [cells n n].
@@ -35,7 +38,7 @@ class Suprema:
     - `per_command`: share of s in P: norm of column j, per norm of s [cells n].
     - `band`: norm of the band's disturbance `M0⁻¹ (E q̈_d + Δn)` along the motion [cells]; `band_joints`: its size per
       joint [cells n]; `band_rate`: norm of its rate, without jumps of the acceleration [cells].
-    - `band_tube`: norm of the further disturbance by the tube, without the share of ë [cells].
+    - `band_tube`: norm of the change of `M0⁻¹ (E q̈_d + Δn)` from the motion to the arm's state in the tube [cells].
     - `band_torque`: |E q̈_d + Δn| per joint along the motion [cells n]; `torque_rate`: its rate without jumps
       [cells n]; `torque_jump`: the sum of its jumps [cells n].
     - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [cells n n].
@@ -74,7 +77,7 @@ class Suprema:
 
 
 def suprema(path: Path, tube: Tube) -> Suprema | None:
-    """Return the suprema; None if the inertia changes too much within a cell and its tube."""
+    """Return the suprema; None if M0 may change by half of it or more within a cell and its tube."""
     cell = Cell(path, tube)
     return _suprema(cell) if np.all(cell.shift < 0.5) else None
 

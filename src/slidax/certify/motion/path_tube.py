@@ -1,8 +1,9 @@
-"""Bounds of the arm's geometry over the cells of a motion and a tube around it.
+"""Bounds of the arm's inertia, Coriolis matrix and their derivatives over the cells of a motion and a tube around it.
 
-Each quantity is exact at the centre of a cell. Its change over the cell and the tube is bounded by Taylor's theorem.
-The first terms have the derivatives of Y along the motion, exact at the centre. The remainder is bounded by
-`‖∂_i … ∂_k Y x‖ <= B_k ‖x‖`, with k the outermost joint of the derivative (body_points.py).
+X(q) has the positions of body points, and `Y = ∂X/∂q` is their Jacobian (body_points.py). Each quantity is exact at the
+centre of a cell. Its change over the cell and the tube is bounded by Taylor's theorem. The first terms have the
+derivatives of Y along the motion, exact at the centre. The remainder is bounded by `‖∂_i … ∂_k Y x‖ <= B_k ‖x‖`, with k
+the outermost joint of the derivative (body_points.py).
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tube:
-    """Largest deviations from the motion in each cell, of the arm and of the state at which the model is evaluated.
+    """Largest deviations from the motion in each cell: of the arm, and of the state at which the model is evaluated.
 
-    Vectors are [cells n], norms in the metric [cells].
+    Vectors are [cells n]. Norms are in the metric of the nominal inertia matrix M0 [cells].
 
-    - `position`: |q - q_d| of the arm and of the model's state.
+    - `position`: |q - q_d|, the larger of the arm's and the model state's.
     - `speed`, `speed_norm`: |q̇ - q̇_d| of the arm, and its norm.
     - `model_speed`, `model_norm`: |q̇ - q̇_d| of the model's state, and its norm.
-    - `command`, `command_norm`: |s|, and its norm.
-    - `acceleration`, `acceleration_norm`: size of the arm's ë less s, and its norm.
+    - `command`, `command_norm`: |s| of the law's feedback acceleration s, and its norm.
+    - `acceleration`, `acceleration_norm`: |ë - s| of the arm, and its norm.
     """
 
     position: Floats
@@ -54,7 +55,9 @@ class Tube:
 
 
 class PointCell:
-    """Bounds of a set of points over each cell and the tube around it, as norms in the metric at the cell's centre.
+    """Bounds of derivatives of points X over each cell and the tube around it.
+
+    `Y = ∂X/∂q` is the Jacobian of the points. Norms are in the metric of M0 at the cell's centre, one value per cell.
 
     - `half`: half the length of a cell plus half a period, since the model is evaluated up to half a period away.
     - `size`, `whole`: norm of Y at the centre, and over cell and tube.
@@ -74,7 +77,10 @@ class PointCell:
     reach: Floats
 
     def __init__(self, path: Path, at: PointNorms, tube: Tube) -> None:
-        """Compute the norms."""
+        """Compute the norms.
+
+        - `path`: the arm at the centres. `at`: norms of the points there. `tube`: deviations from the motion.
+        """
         self.path, self.tube, self.at = path, tube, at
         cells = path.cells
         self.half = half = cells.half + 0.5 * cells.period
@@ -103,13 +109,13 @@ class PointCell:
 
     @cached_property
     def slopes(self) -> tuple[Floats, Floats]:
-        """Norms of `Ẏ_v`, as in `slope`, for the tube of the arm's velocities and of the model's, each [cells]."""
+        """Norms of `Ẏ_v = Σ_j v_j ∂_j Y` for velocity deviations v of the arm, and of the model state, each [cells]."""
         tube = self.tube
         return self.slope(tube.speed, tube.speed_norm), self.slope(tube.model_speed, tube.model_norm)
 
     @cached_property
     def bend_rate(self) -> Floats:
-        """Norm of the rate of `X⃛` without its share of the jerk [cells]."""
+        """Bound of the norm of the time derivative of `X⃛ - Y q⃛` on the motion [cells]."""
         speed, acceleration, vectors = self.speed, self.acceleration, self.vectors
         return (
             vectors(speed, speed, speed, speed)
@@ -120,7 +126,7 @@ class PointCell:
 
     @cached_property
     def bend(self) -> Floats:
-        """Norm of `X⃛` without its share of the jerk, on the motion [cells]."""
+        """Bound of the norm of `X⃛ - Y q⃛` on the motion [cells]."""
         return np.linalg.norm(self.at.bend, axis=1) + self.half * self.bend_rate + 3.0 * self.first * self.jump
 
     @cached_property
@@ -160,17 +166,17 @@ class PointCell:
         )
 
     def coriolis_change(self, speed: Floats, norm: Floats) -> Floats:
-        """Return the norm of the change of `2 YᵀẎ` over cell and tube [cells].
+        """Return a bound of the norm of `2 YᵀẎ`'s change over cell and tube [cells].
 
-        - `speed`, `norm`: sizes and norm of the velocity's deviation in the tube.
+        - `speed`, `norm`: bounds of the velocity's deviation v from the motion: |v| [cells n], and ‖v‖ [cells].
         """
         moved = self.drift * self.first + self.whole * self.moved + self.turn(speed, norm)
         return self.coriolis_moved + 2.0 * moved
 
     def stiffness_change(self, model: bool) -> Floats:
-        """Return the norms of the changes of P's columns over cell and tube, without the share of s [cells n].
+        """Return bounds of the norms of the changes of P's columns over cell and tube [cells n].
 
-        P is the derivative of the inverse dynamics by q.
+        P is the derivative of the inverse dynamics by q. Its part due to the feedback acceleration s is left out.
 
         - `model`: True for the tube of the model's state; False for the arm's.
         """
@@ -198,24 +204,37 @@ class PointCell:
         return self.least(self.at.slopes, self.at.slopes_norm, speed, norm) + self.crossed(speed)
 
     def turn(self, speed: Floats, norm: Floats) -> Floats:
-        """Return a bound of the norm of `Yᵀ Ẏ_v` [cells], with v as in `slope`."""
+        """Return a bound of the norm of `Yᵀ Ẏ_v = Σ_j v_j Yᵀ ∂_j Y` [cells], for |v_j| <= `speed` and ‖v‖ <= `norm`."""
         least = self.least(self.at.turning, self.at.turning_norm, speed, norm)
         return least + self.along * self.sums(speed) + self.whole * self.crossed(speed)
 
     def least(self, by_joint: Floats, by_norm: Floats, speed: Floats, norm: Floats) -> Floats:
-        """Return the smaller of two bounds of a sum over the joints [cells]: by each joint's speed, and by the norm."""
+        """Return the smaller of two bounds of `‖Σ_j v_j A_j‖` [cells]: by each |v_j|, and by ‖v‖.
+
+        - `by_joint`: bounds of ‖A_j‖ [cells n]. `by_norm`: bound of the sum over v of norm 1 [cells].
+        - `speed`, `norm`: bounds of |v_j| [cells n] and ‖v‖ [cells].
+        """
         return np.minimum(np.sum(speed * by_joint, axis=1), norm * by_norm * self.grown)
 
     def crossed(self, speed: Floats) -> Floats:
-        """Return a bound of the norm of Ẏ_v's change over cell and tube [cells]."""
+        """Return a bound of the norm of the change of `Ẏ_v = Σ_j v_j ∂_j Y` over cell and tube [cells].
+
+        - `speed`: bounds of |v_j| [cells n].
+        """
         return self.half * self.sums(self.speed, speed) + self.sums(self.tube.position, speed)
 
     def sums(self, *each: Floats) -> Floats:
-        """Return `Σ B_max(i, …, k) a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` for ‖x‖ = 1."""
+        """Return `Σ B_max(i, …, k) a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` for ‖x‖ = 1.
+
+        - `each`: factors a, …, b, such as bounds of |q̇|, each [cells n]. B is `outer`.
+        """
         return _sums(self.outer, each)
 
     def vectors(self, *each: Floats) -> Floats:
-        """Return `Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`."""
+        """Return `Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`.
+
+        - `each`: factors a, …, b, such as bounds of |q̇|, each [cells n].
+        """
         return _sums(self.own, each)
 
     def sums_each(self, *each: Floats) -> Floats:
@@ -264,9 +283,9 @@ class Cell(PointCell):
             points.jerk = size_in(path.cells.jerk, self.inertia)
 
     def torques(self, rows: Floats, shift: Floats) -> Floats:
-        """Return the largest `|A x|_i` over all x of norm 1 [cells n].
+        """Return the largest `|A x|_i` over all x of norm 1, for a matrix A that changes over cell and tube [cells n].
 
-        - `rows`: the same at the centres, including the change of A to first order [cells n].
+        - `rows`: the largest `|A x|_i` at the centres, plus A's change to first order [cells n].
         - `shift`: norm of A's further change [cells].
         """
         return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
@@ -282,7 +301,7 @@ class Cell(PointCell):
 
     @cached_property
     def stiffness_shift(self) -> Floats:
-        """Norms of the changes of P's columns over cell and tube, for the model's state, without s [cells n]."""
+        """`stiffness_change` for the model's state: norms of the changes of P's columns [cells n]."""
         return self.stiffness_change(True)
 
 

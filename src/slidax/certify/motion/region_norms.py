@@ -1,6 +1,7 @@
 """Suprema over a parameter region at the centres of a motion's cells.
 
-T is the torque `E q̈ + Δn` of an error of the parameters, and is linear in this error.
+M0 and n0 are the nominal inertia matrix and Coriolis torque with gravity; `E = M - M0` and `Δn = n - n0` are the
+errors. The torque `T = E q̈ + Δn` is linear in the error of the parameters.
 
 - Over the ellipsoid `T = A ξ`. So `|T|_i <= |A_i|`, and `‖M0⁻¹ T‖ <= ‖Gᵀ A‖` with `M0⁻¹ = G Gᵀ`. A matrix `Σ ξ_r B_r`
   has at most the norm of all B_r side by side.
@@ -32,7 +33,10 @@ CHUNK = 32
 
 @dataclass(frozen=True, eq=False)
 class RegionNorms:
-    """Suprema over a parameter region at the centres; norms are in the metric of M0 there.
+    """Suprema over all arms of a parameter region, at the centres of cells; norms are in the metric of M0 there.
+
+    `E = M - M0` and `Δn` are the errors of the inertia matrix and of the Coriolis torque with gravity, and
+    `T = E q̈ + Δn` is the torque that they need along the motion.
 
     - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [cells n]; `force`: norm of M0⁻¹ T [cells].
     - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [cells]; `torque_rate`: that rate per joint [cells n].
@@ -96,7 +100,7 @@ class RegionNorms:
 
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
-    """Return the suprema over the ellipsoid, by the names of `RegionNorms`."""
+    """Return the suprema over the region's ellipsoid, by field name of `RegionNorms`."""
     # All cells at rest after the motion have the same suprema.
     cells, count = path.cells, path.cells.moving + 1
     parts = [_over_ellipsoid(path, slice(start, min(start + CHUNK, count))) for start in range(0, count, CHUNK)]
@@ -105,7 +109,7 @@ def over_ellipsoid(path: Path) -> dict[str, Floats]:
 
 
 def _over_ellipsoid(path: Path, some: slice) -> dict[str, Floats]:
-    """Return the suprema over the ellipsoid in the cells `some`.
+    """Return the suprema over the ellipsoid in the cells `some`, by field name of `RegionNorms`.
 
     With `Γ_ijk = ∂_iX · ∂_j∂_kX` for each axis of the ellipsoid: `∂_j E = Γ_·j· + Γ_·j·ᵀ`, and `C = Σ_k Γ_··k q̇_k`.
     """
@@ -184,7 +188,7 @@ class _Products:
 
 
 def _products(path: Path, some: slice) -> _Products:
-    """Return the products in the cells `some`. Only the bodies that the outermost joint c carries count."""
+    """Return the products in the cells `some`. Of two joints, the outer one is c; only bodies that c carries count."""
     frames, deviations, before = path.frames, path.region.deviations, path.bodies.before
     y, _, y2 = (part[some] for part in frames.columns)
     force = frames.acceleration[some, None]
@@ -210,7 +214,7 @@ def _products(path: Path, some: slice) -> _Products:
 
 
 def _crossed(field: Floats) -> list[Floats]:
-    """The products `v × e` of a field's vectors [... 3] with the three units e."""
+    """The cross products `v × e` of a field's vectors v [... 3] with the unit vectors e of x, y and z."""
     x, y, z = np.moveaxis(field, -1, 0)
     nothing = np.zeros_like(x)
     return [np.stack(parts, axis=-1) for parts in ((nothing, z, -y), (-z, nothing, x), (y, -x, nothing))]

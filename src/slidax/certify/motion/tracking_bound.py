@@ -1,4 +1,4 @@
-"""Certified tracking error of an identified arm along a motion.
+"""Certified bound of the tracking error along a motion, for every arm in a set of inertial parameters.
 
 `certified_law.py` derives the inputs from a scenario, and has the bound of the encoders' noise (`SIGMAS`).
 """
@@ -93,7 +93,7 @@ class ArmUncertainty:
         return cls(identified_region(arm, band), **{**friction, **others})
 
     def region(self, bodies: BodyPoints) -> ParameterRegion:
-        """Return the region of the inertial parameters.
+        """Return the region of the true arm's inertial parameters, from `band`.
 
         - `bodies`: bodies of the nominal arm.
         """
@@ -101,6 +101,8 @@ class ArmUncertainty:
 
     def inputs(self, arm: Articulated) -> Inputs:
         """Return the bounds as arrays with one value per joint; `band` is left out.
+
+        - `arm`: the nominal arm. Its viscous friction plus `viscous_error` is the largest viscous coefficient.
 
         Raises DefinitionError if a list does not have one value per joint.
         """
@@ -158,7 +160,7 @@ def certified_path(
 
     - `arm`: the law's nominal arm, with its payload.
     - `motion`: a piecewise polynomial that ends at rest, or a smooth motion.
-    - `loop`: loop of every joint.
+    - `loop`: the linear control loop, the same in every joint. `uncertainty`: bounds of the true arm and its sensors.
     - `bodies`: bodies of the arm, if already computed.
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
     - `until`: end of the bounded time, for a motion without an end [s].
@@ -171,7 +173,9 @@ def certified_path(
     rest = 2.0 * memory(loop)
     cells = PathCells.of(motion, loop.period, rest=rest, until=until)
     if uncertainty.settled and np.any(cells.pieces.at(np.zeros(1))[1]):
-        raise DefinitionError("`ArmUncertainty.settled` needs a motion that starts at rest; got one that moves at 0 s")
+        raise DefinitionError(
+            "`ArmUncertainty.settled` needs a motion that starts at rest, and this one moves at 0 s: set it to False"
+        )
     for finer in (1, FINER):
         if finer > 1:
             cells = PathCells.of(motion, loop.period, per_cell=max(1, cells.per_cell // finer), rest=rest, until=until)
@@ -228,6 +232,7 @@ def verdict_of(
 ) -> Verdict:
     """Return the verdict for the error bounds along a motion.
 
+    - `arm`: the nominal arm, for the names and units of its joints.
     - `allowed`: largest allowed error, a scalar or [n], rad or m; None if any verified bound will do.
     - `premises`: further assumptions that the verdict lists.
     """

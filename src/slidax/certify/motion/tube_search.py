@@ -29,7 +29,7 @@ WIDE, WIDE_TUBES = 1.25, 2
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Bounds along a path, with the inequalities that they satisfy and their suprema."""
+    """Error bounds along a path, and the inequalities that they satisfy in the last tube."""
 
     bounds: Bounds
     problem: Problem
@@ -40,9 +40,10 @@ def bounds_along(
 ) -> Solution | None:
     """Return the bounds along a path, verified in a tube that contains them.
 
-    The bounds are unverified if there are none below `cap`. The result is None if the inertia changes too much within a
-    cell, or faster than the loop settles.
+    If the search finds no verified bounds below `cap`, it returns unverified ones. The result is None if the inertia
+    changes too much within a cell, or faster than the loop settles.
 
+    - `loop`: the linear loop of every joint. `inputs`: bounds of friction, disturbance, noise and start.
     - `cap`: largest error bound of the search, rad or m.
     - `hand_over`: the nonlinear part of the law in each cell; None for a linear law.
     """

@@ -1,4 +1,4 @@
-"""Certificates of laws in printed form, in continuous time or with the torque held over a period.
+"""Certificates of laws in the form that the paper prints, in continuous time or with the torque held over a period.
 
 Read first: `printed_law.py`, `settling_time.py`.
 """

@@ -1,4 +1,4 @@
-"""Sliding-mode laws in printed form, and the assumptions of certificates in continuous time."""
+"""Sliding-mode laws in the form that the paper prints, and the assumptions of certificates in continuous time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ..uncertainty_set import start_box
 
 @dataclass(frozen=True)
 class PowerSurface:
-    """`k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`, with the values of each joint [n].
+    """Surface function φ of the transformed error: `k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`. Each value is [n], per joint.
 
     - `k1`, `p`: gain and exponent of the power near zero.
     - `k2`, `q`: gain and exponent of the power far from zero.
@@ -44,7 +44,7 @@ class PowerSurface:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """A scenario's law in printed form, with the quantities that its certificates need."""
+    """A scenario's law in the form that the paper prints, with the quantities that its certificates need."""
 
     scenario: Scenario
     law: SlidingMode
@@ -57,6 +57,7 @@ class PrintedLaw:
 
     @property
     def joints(self) -> int:
+        """Number of joints n."""
         return self.law.joints
 
     @property
@@ -66,13 +67,13 @@ class PrintedLaw:
 
     @cached_property
     def performance(self) -> AbstractPerformance | None:
-        """ρ(t); None for a law without an envelope."""
+        """The function ρ(t), the envelope's radius; None for a law without an envelope."""
         transformation = self.law.transformation
         return transformation.performance if isinstance(transformation, PrescribedPerformance) else None
 
     @cached_property
     def sides(self) -> Sides | None:
-        """`b` and `b̄` [n] for the error at the start; None without an envelope."""
+        """Factors b and b̄ [n] of the envelope `bρ < e < b̄ρ`, by the error at the start; None without an envelope."""
         transformation = self.law.transformation
         if not isinstance(transformation, PrescribedPerformance):
             return None
@@ -100,7 +101,7 @@ class PrintedLaw:
 
     @property
     def gain(self) -> tuple[Floats, float] | None:
-        """K0 [n n] and exponent r of the power of s; None for a reaching law of another form."""
+        """K0 [n n] and r of the reaching law's term `K0 Sig^r(s)`; None for a reaching law of another form."""
         reaching, n = self.law.reaching, self.joints
         if isinstance(reaching, FixedTimeReaching):
             gain, exponent = reaching.gain, float(reaching.exponent)
@@ -112,7 +113,10 @@ class PrintedLaw:
         return (array if array.ndim == 2 else np.diag(np.broadcast_to(array, n))), exponent
 
     def phi(self, eps: Floats) -> Floats:
-        """Return the surface function φ [values n], rad/s or m/s, with the same ε1 [values] for all joints."""
+        """Return the surface function φ of each joint [values n], rad/s or m/s.
+
+        - `eps`: transformed errors ε1, the same for all joints [values].
+        """
         return self._surface(np.broadcast_to(np.asarray(eps, float)[:, None], (len(eps), self.joints)))[0]
 
     def slopes(self) -> Floats:
@@ -150,7 +154,10 @@ class PrintedLaw:
 
     @cached_property
     def start(self) -> tuple[Floats, Floats, Floats]:
-        """Values of e, s and ε1 at t = 0, each [n]; s and ε1 are not finite for a start outside the envelope."""
+        """Error e, sliding variable s and transformed error ε1 at t = 0, each [n].
+
+        s and ε1 are not finite for a start outside the envelope.
+        """
         scenario, law = self.scenario, self.law
 
         def at(t: Any, q: Any, dq: Any) -> Any:
@@ -204,14 +211,15 @@ def masses_at(robot: AbstractRobot, q: Floats) -> Floats:
 def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tuple[Assumption, ...]:
     """Return the assumptions of continuous time, exact measurements, unlimited torque and a start in the envelope.
 
-    - `unit_vector`: True to require the unit vector (44), for a certificate that does not hold with the layer of (51).
+    - `unit_vector`: True to require the unit vector of the paper's (44), for a certificate that does not hold with the
+      boundary layer of (51).
     """
     scenario, plant = printed.scenario, printed.scenario.plant
     own = getattr(plant, "own", plant)
     assumptions = []
     if unit_vector:
         layer = printed.layer
-        text = "the unit vector is that of (44)"
+        text = "the unit vector is that of the paper's (44)"
         if layer != 0.0:
             text += "; the scheme has no such vector" if layer is None else f"; here its layer is s0 = {layer:.3g} (51)"
         assumptions.append(Assumption(text, "proved" if layer == 0.0 else "fails", layer))

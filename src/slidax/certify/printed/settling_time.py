@@ -1,4 +1,4 @@
-"""The certificate `settling_time`: the printed formulas, their exact supremum, and a bound for the scenario's start."""
+"""The certificate `settling_time`: the paper's formulas, their exact supremum, and a bound for the scenario's start."""
 
 from __future__ import annotations
 
@@ -82,11 +82,13 @@ SETTLING_TIME = "settling_time", "settles by a bounded time"
 
 @certificate(*SETTLING_TIME, covers=ARM)
 def settling_time(scenario: Scenario) -> Verdict:
-    """Bound the time until the transformed error is in its core, `|ε1| <= δ`: (48)-(50), and smaller bounds.
+    """Bound the time until the transformed error is in its core, `|ε1| <= δ`: the paper's (48)-(50) and smaller bounds.
+
+    The verdict's `bound` has these times for each joint, s:
 
     - `printed`: `T_max = T_r + T_s` of (48)-(50), with T_s of each joint.
     - `supremum`: the supremum over all starts, from the same inequalities without splitting their integrals.
-    - `given_start`: the bound for the scenario's own start, with β as it changes over time.
+    - `given_start`: the bound for the scenario's own start, with the envelope as it narrows.
     - `deadline`: T of (20), from which the envelope is ±ρ∞; it does not depend on the other values.
 
     docs/certificates/reference.md has the derivation.
@@ -96,7 +98,7 @@ def settling_time(scenario: Scenario) -> Verdict:
         return _other_law(scenario)
     bound, powers, gain = printed.law.bound, printed.powers, printed.gain
     if powers is None or gain is None or not isinstance(bound, UncertaintyBound):
-        text = "(48)-(50) require a surface with two powers and a u of (45); this scheme has others"
+        text = "the paper's (48)-(50) require a surface with two powers and the u of (45); this scheme has others"
         return Verdict(*SETTLING_TIME, None, None, {}, (), text)
     times = _Times(printed, powers, bound)
     deadline = times.deadline
@@ -110,8 +112,8 @@ def settling_time(scenario: Scenario) -> Verdict:
     assumptions = (*continuous_premises(printed), *_premises(times))
     holds = all(line.status != "fails" for line in assumptions)
     words = (
-        f"by (48)-(50) at t = {joint_values(times.printed)} s; by the same inequalities without splitting their "
-        f"integrals at {joint_values(times.supremum)} s, from any start; "
+        f"by the paper's (48)-(50) at t = {joint_values(times.printed)} s; by the same inequalities without splitting "
+        f"their integrals at {joint_values(times.supremum)} s, from any start; "
         f"from the scenario's start at {joint_values(times.given_start)} s"
     )
     statement = f"Each joint has |ε1| <= δ {words}" + (
@@ -125,7 +127,7 @@ def settling_time(scenario: Scenario) -> Verdict:
 
 @dataclass(frozen=True)
 class _Times:
-    """Bounds for one law, s."""
+    """Bounds of one law's settling time, s."""
 
     printed_law: PrintedLaw
     powers: PowerSurface
@@ -294,11 +296,11 @@ def _other_law(scenario: Scenario) -> Verdict:
     performance = getattr(getattr(step, "transformation", None), "performance", None)
     deadline = getattr(performance, "deadline", None)
     if deadline is None:
-        text = "(48)-(50) apply only to the paper's law in continuous time."
+        text = "The paper's bounds (48)-(50) apply only to its law in continuous time."
         return Verdict(*SETTLING_TIME, None, None, {}, (), text)
     each = np.broadcast_to(np.asarray(deadline), law.joints)
     text = (
-        "(48)-(50) apply only in continuous time. For a sampled-data law the guarantee is the envelope: "
-        f"±ρ∞ from t = {joint_values(each)} s on (20), if `tracking_bound` holds."
+        "The paper's bounds (48)-(50) apply only in continuous time. For a sampled-data law the guarantee is the "
+        f"envelope: ±ρ∞ from t = {joint_values(each)} s on (20), if `tracking_bound` holds."
     )
     return Verdict(*SETTLING_TIME, None, None, {"deadline": each}, (), text)

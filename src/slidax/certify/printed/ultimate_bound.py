@@ -27,21 +27,22 @@ SAME = 1e-9
 
 @certificate(*ULTIMATE_BOUND, covers=ARM)
 def ultimate_bound(scenario: Scenario) -> Verdict:
-    """Bound the error once s is small, under (51) and a bounded disturbance.
+    """Bound the final error of a law with the boundary layer of the paper's (51), for a bounded disturbance.
 
-    Let the nominal inertia be the arm's own, and D the uncompensated bias, friction and disturbance. Then
-    `V = ½ sᵀ M s` decreases where `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`. This holds for ‖s‖ between the two roots
-    σ1 < σ2 of
+    s is the sliding variable, u the robust torque and s0 the width of the layer. Let the nominal inertia be the arm's
+    own, and D the uncompensated bias, friction and disturbance. Then `V = ½ sᵀ M s` decreases where
+    `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`. This holds for ‖s‖ between the two roots σ1 < σ2 of
 
         ½ ‖Ṁ‖ σ² + (‖D‖ + ½ ‖Ṁ‖ s0 - u) σ + ‖D‖ s0 = 0.
 
-    Let `s̄ = √(λmax(M)/λmin(M)) σ1`. If s̄ is below σ2 and `‖s‖ <= s̄` at some time, this holds from then on. Then
-    `ε̇1 = β (s - φ(ε1))` gives `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
+    Let `s̄ = √(λmax(M)/λmin(M)) σ1`. If s̄ is below σ2 and `‖s‖ <= s̄` at some time, this holds from then on. The
+    transformed error ε1 has `e = ρ ψ(ε1)` and `ε̇1 = β (s - φ(ε1))`, so that in the end
+    `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
-        text = "it applies only to a law in printed form with the layer of (51); for sampled data see `tracking_bound`"
+        text = "it applies only to the paper's law with the layer of (51); for sampled data see `tracking_bound`"
         return Verdict(*ULTIMATE_BOUND, None, None, {}, (), text)
     members = [_Member(printed, member, layer) for member in corner_scenarios(scenario)]
     share, mismatch = max(member.share for member in members), max(member.mismatch for member in members)
@@ -59,11 +60,11 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
         worst = max(settled, key=lambda final: float(np.max(final.error)))
         bound |= {"error": worst.error, "sliding_variable": worst.size}
         statement = (
-            f"In the end |e| <= {joint_values(worst.error)}, since ‖s‖ <= {worst.size:.3g} (51), with a disturbance of "
-            f"up to {bound['disturbance']:.3g} N m against s0 = {layer:.3g}."
+            f"In the end |e| <= {joint_values(worst.error)}, since ‖s‖ <= {worst.size:.3g} with the layer "
+            f"s0 = {layer:.3g} of the paper's (51), for a disturbance of up to {bound['disturbance']:.3g} N m."
         )
     else:
-        statement = "No bound of the error exists under (51), because an assumption of its derivation fails."
+        statement = "No bound of the final error exists with the paper's (51): an assumption of its derivation fails."
     remedies = () if holds or share < 1.0 else _larger_margin(scenario, bound["disturbance"])
     return Verdict(*ULTIMATE_BOUND, holds, 1.0 - share if holds else None, bound, assumptions, statement, remedies)
 
@@ -210,7 +211,7 @@ def _premises(
         Assumption(text, "tested" if same else "fails", mismatch),
     ]
     covered = share < 1.0
-    text = f"u covers the uncompensated disturbance, friction and bias, {over}"
+    text = f"the robust torque u covers the uncompensated disturbance, friction and bias, {over}"
     assumptions.append(Assumption(text, "tested" if covered else "fails", share))
     if settled:
         margin = min(final.limit - final.size for final in settled)
@@ -241,18 +242,19 @@ the torque steps larger: 20 times within 2 % of the limit in the paper's example
 
 @certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
-    """Check `h < 0.95 · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))` for the printed law near e = 0, with the torque held.
+    """Check that the paper's law is stable near e = 0 with its torque held over a period h.
 
-    Near e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = slope(0) β. A sampled double integrator with that
-    damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the
-    limit `2/λmax(M⁻¹ M0 Λ)`, the layer alone `2 s0 λmin(M)/u`.
+    The condition is `h < 0.95 · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`, with the robust torque u and the layer's width s0. Near
+    e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = φ'(0) β and `β = ∂ε1/∂e`. A sampled double integrator
+    with that damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone
+    has the limit `2/λmax(M⁻¹ M0 Λ)`, the layer alone `2 s0 λmin(M)/u`.
 
     Bounds: `period`, 95 % of the limit; `limit`, `surface` and `layer` as above, s.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
-        return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to a law in printed form")
+        return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to a law in the paper's printed form")
     if layer == 0.0 or isinstance(printed.law.reaching, TwoPowerReaching):
         limits = {"period": 0.0, "limit": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
     else:
@@ -285,7 +287,10 @@ def printed_period(scenario: Scenario) -> Verdict:
 
 
 def _limits(printed: PrintedLaw, member: Scenario, layer: float) -> tuple[float, float, float]:
-    """Return the limits of the period [s]: by surface and layer together, by the surface, and by the layer alone."""
+    """Return the limits of the period [s]: by surface and layer together, by the surface alone, and by the layer alone.
+
+    - `member`: the scenario with one of the set's arms. `layer`: s0.
+    """
     law, motion, n = printed.law, SampledReference(member), printed.joints
     mass, (mass0, bias0) = motion.truth[0], motion.of_arm(law.nominal)
     slope = np.ones(n)

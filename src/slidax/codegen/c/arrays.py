@@ -12,7 +12,7 @@ from .writer import LETTERS
 
 
 class Arrays:
-    """Arrays of a C function.
+    """Arrays that replace single variables of a C function.
 
     - `taken`: names in use.
     - `stored`: array and index of each value that has become an element, by the value's name.
@@ -25,7 +25,7 @@ class Arrays:
         self.single: dict[str, Group] = {}
 
     def read(self, word: str) -> str:
-        """Return the C text that reads an operand."""
+        """Return the C text that reads an operand: its array element, or its own name if it has none."""
         stored = self.stored.get(word)
         return word if stored is None else f"{stored[0]}[{stored[1]}]"
 
@@ -53,7 +53,7 @@ class Arrays:
                     self.stored[statement.name] = (array, statement.line.element[1])
 
     def groups_of(self, statements: list[Statement]) -> list[Group]:
-        """Return successive statements, grouped into loops and single statements."""
+        """Group statements of a function: those that one loop can compute, and single ones; return all groups."""
         self.single = {}
         self._place_elements(statements)
         alike: defaultdict[tuple[object, ...], list[Statement]] = defaultdict(list)
@@ -189,9 +189,9 @@ ZEROS = frozenset({"0.0", "0.0f", "0", "false"})
 class AssignmentRun:
     """Assignments that one loop performs, or a single assignment.
 
-    - `lanes`: the assignments, in order.
-    - `at`: rules for target and operands; empty for a single assignment.
-    - `where`: C text that reads an operand.
+    - `lanes`: the assignments, in order; one per iteration of the loop.
+    - `at`: array elements of target and operands, as functions of the iteration; empty for a single assignment.
+    - `where`: returns the C text that reads an operand.
     """
 
     def __init__(self, lanes: list[Statement], at: Sequence[Access], where: Where) -> None:
@@ -213,12 +213,12 @@ class AssignmentRun:
 
 
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
-    """Return runs of assignments, in an order that does not change any value.
+    """Split assignments into runs that one loop can perform; return the runs, in an order that changes no value.
 
     A loop has only one assignment, since compilers do not vectorise several.
 
-    - `stored`: values that have become elements of arrays.
-    - `where`: C text that reads an operand.
+    - `stored`: array and index of each value that has become an element, by the value's name.
+    - `where`: returns the C text that reads an operand.
     """
     kinds: dict[object, list[Statement]] = {}
     for lane in statements:

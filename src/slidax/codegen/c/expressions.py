@@ -29,19 +29,19 @@ class Dialect:
     kernel: bool = False
 
     def effective_type(self, type: Type) -> Type:
-        """Return the type of a value in C, in terms of the IR: f32 for f64 in a program of floats."""
+        """Return the IR type with which C stores a value of an IR type: f32 for f64 if `real` is "float"."""
         return "f32" if type == "f64" and self.real == "float" else type
 
     def type(self, type: Type) -> str:
-        """Return the C name of a type."""
+        """Return the C name of an IR type."""
         return (_KERNEL_TYPES if self.kernel else _C_TYPES)[self.effective_type(type)]
 
     def function(self, name: str, type: Type) -> str:
-        """Return the name of a function of `math.h`, from its name for doubles."""
+        """Return the name of a `math.h` function for arguments of an IR type: `sin` or `sinf` for `name` "sin"."""
         return name + "f" if self.effective_type(type) == "f32" else name
 
     def number(self, number: Number, type: Type) -> str:
-        """Return a constant that reads back to the same bits; in a program of floats, the nearest float.
+        """Return a C constant that reads back to the same bits; in a program of floats, the nearest float.
 
         A number beyond the range of floats becomes the largest or the smallest normal float instead of infinity or
         zero: such numbers mean "no limit", or prevent a division by zero.
@@ -120,7 +120,7 @@ BITS: dict[Type, int] = {"i64": 64, "i32": 32, "u64": 64, "u32": 32}
 
 
 class Helpers:
-    """Helper functions of a piece of C."""
+    """Collection of the helper functions that generated C calls, for operations that C lacks."""
 
     def __init__(self, dialect: Dialect) -> None:
         self.dialect = dialect
@@ -128,6 +128,7 @@ class Helpers:
 
     @property
     def names(self) -> list[str]:
+        """Names of the functions, sorted."""
         return sorted(self._texts)
 
     @property
@@ -136,14 +137,14 @@ class Helpers:
         return [line for name in self.names for line in [*self._texts[name].splitlines(), ""]]
 
     def extend(self, other: Helpers) -> None:
-        """Add the helpers of another piece in the same file and dialect."""
+        """Add the helpers of another collection, for code in the same file and dialect."""
         self._texts.update(other._texts)
 
     def name_of(self, op: str, type: Type) -> str:
-        """Return the name of an operation's helper.
+        """Return the name of the helper function for an operation; add the function if it is new.
 
-        - `op`: of the IR; `to_...` for a conversion from `type`, `bits_...` for the bits of a `type`, `all_finite`.
-        - `type`: type of its arguments.
+        - `op`: IR operation; or `to_T` for a conversion to type T, `bits_T` for the same bits as a T, `all_finite`.
+        - `type`: IR type of the arguments.
         """
         real = self.dialect.effective_type("f64")
         type = self.dialect.effective_type(type)
@@ -200,7 +201,7 @@ class Helpers:
         if op == "sar":
             # In C, the shift of a negative number depends on the compiler.
             return "", two, f"a < 0 ? ~({count} ? ~a >> b : 0) : ({count} ? a >> b : 0)"
-        raise NotImplementedError(f"no helper for {op} of {type}")
+        raise NotImplementedError(f"C has no operation `{op}` for numbers of type {type}")
 
     def _saturate(self, source: Type, to: Type) -> str:
         number = self.dialect.number
@@ -288,14 +289,14 @@ class CExpression:
 
 
 def constant(number: float | int | bool, type: Type, dialect: Dialect) -> CExpression:
-    """Return a number as an expression."""
+    """Return a number of an IR type as a C expression."""
     text = dialect.number(number, type)
     return CExpression(text, UNARY if text[0] == "-" or text.startswith("(double)") else PRIMARY)
 
 
 @dataclass
 class Expressions:
-    """Writes operations as expressions.
+    """Writer of IR operations as C expressions.
 
     - `helpers`: collects the helpers that the expressions need.
     - `ordered_operands`: True for an order of sums and products that is independent of the numbers in the operands'
@@ -309,9 +310,11 @@ class Expressions:
     def operation(
         self, op: str, type: Type, of: Type, args: list[CExpression], *, cannot_overflow: bool = False
     ) -> CExpression:
-        """Return an operation of the IR as an expression.
+        """Return an IR operation as a C expression.
 
-        - `of`: type of its last argument.
+        - `type`: type of the result.
+        - `of`: type of the last argument.
+        - `args`: arguments, as C expressions.
         - `cannot_overflow`: true for a sum of integers that cannot overflow.
         """
         if self.ordered_operands and op in ("add", "mul") and type in FLOATS:
@@ -386,7 +389,7 @@ class Expressions:
         if op == "isfinite":
             return f"isfinite({args[0].text})", PRIMARY
         if op not in LOGICAL:
-            raise NotImplementedError(f"no {op} of truth values")
+            raise NotImplementedError(f"C has no operation `{op}` for truth values")
         sign, precedence = LOGICAL[op]
         # Compilers warn about && within || without parentheses.
         if op == "or":

@@ -1,4 +1,4 @@
-"""Programs as C functions."""
+"""Print programs of the intermediate representation as C functions."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .writer import Callees, Read, Rows, Writer
 
 @dataclass(frozen=True)
 class Statements:
-    """Body of a C function.
+    """Generated body of a C function.
 
     - `lines`: indented lines of C.
     - `helpers`: small functions that it calls.
     - `reads`: indices of the inputs that it reads.
     - `bytes`: stack size of its variables [bytes], if no two in a block share memory; a compiler needs less.
-    - `called`: the called function of each call.
+    - `called`: the program that each call of a shared function runs, in the order of the calls.
     """
 
     lines: list[str]
@@ -45,18 +45,18 @@ def statements(
     loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
-    """Return statements that compute and assign values, and only what these need.
+    """Return the body of a C function that computes values of a program and assigns them; other values are left out.
 
     All assignments come last and take effect together: an input that shares memory with an output is read before it is
     overwritten.
 
-    - `assigned`: C lvalues and their values.
-    - `read`: C text that reads an element of an input.
+    - `assigned`: pairs of a C lvalue and the value that it gets.
+    - `read`: returns the C text that reads an input's element, from the indices of input and element.
     - `dialect`: C99 with doubles if None.
     - `precomputed`: values that need no computation, and the C text that reads them.
     - `names`: preferred names of values; None: names from the Python source.
-    - `rows`: C text for elements of logged outputs; None omits these outputs.
-    - `callees`: C functions of the called programs; None if the program has no calls.
+    - `rows`: returns the C lvalue of a log's element, from output, row and element; None omits the logs.
+    - `callees`: returns the C function of a called program; None if the program has no calls.
     - `loops`: true to write similar statements for all elements of an array as a loop.
     - `taken`: names in use, such as those of the function's arguments.
     """
@@ -102,7 +102,8 @@ def c_code(program: Program, name: str = "run", *, real: Real = "double") -> str
 
     The inputs are `x0`, `x1`, ... and the outputs `y0`, `y1`, ..., each an array in C order.
 
-    - `program`: a program without logged outputs.
+    - `program`: a program without logs.
+    - `name`: name of the function.
     - `real`: C type of f64.
     """
     dialect = Dialect(real)

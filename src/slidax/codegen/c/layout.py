@@ -26,12 +26,12 @@ TOLERANCE = 10
 
 @dataclass(frozen=True)
 class CodeLine:
-    """A line of C.
+    """A line of generated C.
 
     - `level`: depth of indentation.
     - `text`: text without indentation.
     - `about`: comment on the computed value, or empty.
-    - `visit`: equal for lines of one operation on arrays; None for others.
+    - `visit`: equal for lines that compute elements of one array operation of the source; None for others.
     - `element`: number of the array that the declared value belongs to, and its index there; None without an array.
     """
 
@@ -47,7 +47,7 @@ ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 
 def pointer_to(elements: Sequence[str]) -> str | None:
-    """Return a pointer to contiguous elements of an array, else None."""
+    """Return the C pointer to array elements, `&a[2]` for `a[2]`, `a[3]`, ...; None if they are not contiguous."""
     first = ELEMENT.fullmatch(elements[0])
     if first is None:
         return None
@@ -58,9 +58,9 @@ def pointer_to(elements: Sequence[str]) -> str | None:
 
 
 def format_lines(lines: list[CodeLine]) -> list[str]:
-    """Return the lines as text, with a comment before two or more lines about a new subject.
+    """Return lines as indented text, broken where too long; a comment precedes two or more lines with a new `about`.
 
-    A repeated comment is cut after its first words, at the colon.
+    A repeated comment is cut at its colon.
     """
     texts: list[str] = []
     last = ""
@@ -79,7 +79,7 @@ def format_lines(lines: list[CodeLine]) -> list[str]:
 
 
 def join_declarations(lines: list[CodeLine]) -> list[CodeLine]:
-    """Join adjacent declarations of the same type without initial values."""
+    """Return lines in which adjacent declarations of the same type, without initial values, are joined to one line."""
     out: list[CodeLine] = []
     for line in lines:
         last = out[-1] if out else line
@@ -151,7 +151,7 @@ class _Variable:
 
 
 def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Add blocks around parts of a function's body, which limit its stack."""
+    """Return a function's lines with blocks `{ }` around parts of them, whose arrays then share the stack."""
     items = _items(lines)
     if len(items) < 2:
         return list(lines)
@@ -177,7 +177,7 @@ def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
 
 
 def stack_bytes(lines: Sequence[CodeLine]) -> int:
-    """Return a function's stack size: arrays occupy it until their block ends, numbers while they are needed."""
+    """Return a function's stack size [bytes]: arrays occupy it until their block ends, numbers while they are used."""
     items = _items(lines)
     variables = _variables(items).values()
     arrays = sum(variable.bytes for variable in variables if variable.bytes > 8)

@@ -9,12 +9,12 @@ from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses
 
 
 class Placement:
-    """Choice of a region for each value that the requested values need.
+    """Choice of the region in which generated C computes each value: outside loops, and inside branches, if possible.
 
     `order` lists the values of each region in a valid order of computation. `uses` counts a value's uses as an operand.
     `assigned` has the values that are assigned to an output, a carried variable or a branch's result.
 
-    - `wanted`: requested values, and stores.
+    - `wanted`: requested values, and operations that write logs; only these and the values that they need are placed.
     - `precomputed`: values that need no computation.
     """
 
@@ -39,21 +39,21 @@ class Placement:
             self.order[self.place[value]].append(value)
 
     def carried(self, loop: Loop) -> list[int]:
-        """Return the indices of the carried values of a loop that are needed."""
+        """Return the indices of those carried values of a loop that are needed."""
         return [k for k, param in enumerate(loop.params) if param in self.needed]
 
     def results_of(self, block: Value) -> dict[int, Value]:
-        """Return the results of a block that are needed, by index."""
+        """Return those results of a loop, branch or call that are needed, by their index among its results."""
         return {value.data: value for value in self.results.get(block, ())}
 
     def parent(self, region: Region) -> Region | None:
-        """Return the region around another one, after placement."""
+        """Return the region that surrounds another one after placement; None for the outermost region."""
         if region.kind == "body":
             return region.parent
         return None if region.owner is None else self.place[region.owner]
 
     def has_single_use(self, value: Value) -> bool:
-        """True if a needed value has one use, in the block in which it is placed."""
+        """True if a needed value has exactly one use, and it is in the region in which the value is computed."""
         return self.uses[value] == 1 and self._used_in[value] is self.place[value]
 
     # ---- needed values ----------------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ class Placement:
 
 
 def is_counter(param: Value) -> bool:
-    """True if a carried value counts the iterations of its loop."""
+    """True if a carried value (`param`) counts the iterations of its loop."""
     loop = param.region.owner
     return isinstance(loop, Loop) and loop.iterations is not None and param.data == 0
 
@@ -223,7 +223,7 @@ WORTH = 4
 
 
 def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
-    """Return values that depend only on constants and some inputs, and are worth storing between calls.
+    """Return values of a program that depend only on some inputs and constants, and are worth storing between calls.
 
     A separate C function can compute them: pass them to `statements` as `assigned`. The function with the rest of the
     program takes them as `precomputed`. Values inside branches are included; computing them without need is harmless.

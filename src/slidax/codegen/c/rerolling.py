@@ -16,7 +16,7 @@ ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
 
 def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Remove arrays that only copy a part of another array; calls then get a pointer to that part.
+    """Return lines of C without arrays that only copy a part of another array; calls get a pointer to that part.
 
     - `lines`: lines of a function, in which only the next call after a copied array reads it.
     """
@@ -55,11 +55,11 @@ NewName = Callable[[str], str]
 
 
 def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, helpers: Helpers) -> list[CodeLine]:
-    """Replace long conditions on array elements by loops; conditions have no side effects, so their value is unchanged.
+    """Return lines of C in which loops replace long conditions on array elements; the conditions' values are unchanged.
 
-    - `new_name`: returns free names.
+    - `new_name`: returns a free name, from a stem.
     - `index`: variable of the loops.
-    - `helpers`: collects the called functions.
+    - `helpers`: collects the helper functions that the new lines call.
     """
     out: list[CodeLine] = []
     in_loop = False
@@ -203,7 +203,7 @@ def reroll(lines: Sequence[CodeLine], taken: set[str], helpers: Helpers) -> list
     """Return the lines of a function with similar statements written as loops.
 
     - `taken`: names in use.
-    - `helpers`: collects the called functions.
+    - `helpers`: collects the helper functions that the new lines call.
     """
     return _Rerolling(lines, taken, helpers).run()
 

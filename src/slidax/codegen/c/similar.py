@@ -27,7 +27,7 @@ Operands = Sequence[str]
 
 @dataclass(frozen=True)
 class Piece:
-    """An expression.
+    """A C expression, split into template and operands; similar expressions have the same template.
 
     - `template`: the text with a mark in place of each operand.
     - `operands`: variables, elements of arrays, and numbers, in order.
@@ -38,19 +38,19 @@ class Piece:
     operands: tuple[str, ...]
 
     def fill(self, texts: Sequence[str]) -> str:
-        """Return the expression with other operands."""
+        """Return the C text of the expression with other operands."""
         parts = self.template.split("\0")
         return parts[0] + "".join(text + part for text, part in zip(texts, parts[1:], strict=True))
 
 
 def parse(text: str) -> Piece:
-    """Split an expression, or any line of C, into template and operands."""
+    """Split a C expression, or any line of C, into template and operands."""
     return Piece(text, WORD.sub("\0", text), tuple(WORD.findall(text)))
 
 
 @dataclass(frozen=True)
 class Access:
-    """Rule for an operand in iteration i: `array[start + step i]`.
+    """Rule for one operand of a loop's expression: in iteration i it is `array[start + step i]`.
 
     - `array`, `start`, `step`: the element; step 0 for the same element in all iterations.
     - `text`: an operand that is equal in all iterations, and not an element.
@@ -64,7 +64,7 @@ class Access:
     numbers: tuple[str, ...] = ()
 
     def element(self, index: str) -> str:
-        """Return the element as C text; `index` is the variable of the loop."""
+        """Return the C text of the array element in an iteration; `index` is the variable of the loop."""
         if self.step == 1:
             return f"{self.array}[{index} + {self.start}]" if self.start else f"{self.array}[{index}]"
         if self.step > 0 and not self.start:
@@ -76,17 +76,17 @@ class Access:
         return f"{self.array}[{self.step} * {index} + {self.start}]"
 
     def pointer(self) -> str:
-        """Return a pointer to the first element, as C text."""
+        """Return the C text of a pointer to the element of the first iteration."""
         return f"&{self.array}[{self.start}]" if self.start else self.array
 
 
 def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
     """Return the number of leading expressions that one loop can compute, and the rule for each operand.
 
-    Without enough expressions for a loop, there are no rules.
+    The list of rules is empty if these are fewer than `LEAST` expressions.
 
-    - `rows`: operands of each expression.
-    - `stored`: values that have become elements of arrays.
+    - `rows`: operands of each expression; all expressions have the same template.
+    - `stored`: array and index of each value that has become an element, by the value's name.
     """
     count = len(rows)
     columns = list(zip(*rows, strict=True))
@@ -133,7 +133,7 @@ def _access(column: Sequence[str], stored: Stored) -> Access:
 
 @dataclass(eq=False)
 class Statement:
-    """A declaration or an assignment.
+    """A declaration or an assignment in C.
 
     - `index`: number of its line in the function.
     - `type`, `name`: type and name of the declared variable; for an assignment, empty and its target.
@@ -149,12 +149,12 @@ class Statement:
 
 @dataclass(eq=False)
 class Group:
-    """Statements that one loop computes, or a single statement.
+    """Statements that one loop computes, or a single statement, in C.
 
     - `lanes`: the statements, in order.
     - `array`: array of their values; empty for a single statement with its own variable.
-    - `at`: rule for each operand.
-    - `target`: rule for the values; None for a single statement.
+    - `at`: array element of each operand, as a function of the iteration.
+    - `target`: array element of the computed value, as a function of the iteration; None for a single statement.
     """
 
     lanes: list[Statement]
@@ -222,9 +222,11 @@ def _next(ready: list[Group], order: list[Group]) -> Group:
 
 
 def fits_loop(group: Group, loop: list[Group]) -> bool:
-    """True if a group fits into a loop: it reads values of that loop only from the same iteration.
+    """True if a loop can compute one more group, which has as many iterations.
 
-    - `loop`: groups of the loop.
+    The group must read values of the loop only from the same iteration.
+
+    - `loop`: groups that the loop computes.
     """
     if group.target is None or group.iterations != loop[0].iterations:
         return False

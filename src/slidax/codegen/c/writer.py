@@ -1,4 +1,4 @@
-"""Write values, calls, loops and branches as C statements."""
+"""Write values, calls, loops and branches of a program as C statements."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ HEAVY = 7
 
 
 class Callee(NamedTuple):
-    """A C function, called as `name(shared..., inputs..., results)`.
+    """C function of a called program, called as `name(shared..., inputs..., results)`.
 
-    - `shared`: arguments that are equal in all calls.
-    - `passed`: indices of the inputs that each call passes.
+    - `shared`: C text of arguments that are equal in all calls.
+    - `passed`: indices of the program's inputs that each call passes.
     """
 
     name: str
@@ -42,13 +42,11 @@ Callees = Callable[[Program], Callee]
 
 @dataclass(eq=False)
 class Writer:
-    """Writes the values of one function, with its loops and branches.
+    """Writer of one C function: appends the C lines of values, loops and branches to `lines`.
 
-    - `read`: C text that reads an element of an input.
-    - `precomputed`: C text that reads a value without computing it.
+    - `placement`: needed values, and the region and order in which they are computed.
     - `names`: preferred names and comments of values.
-    - `taken`: names in use.
-    - `rows`, `callees`, `loops`: as in `statements`.
+    - `read`, `precomputed`, `taken`, `rows`, `callees`, `loops`: as in `statements`.
     """
 
     placement: Placement
@@ -79,7 +77,10 @@ class Writer:
     # ---- lines ------------------------------------------------------------------------------------------------------
 
     def line(self, text: str, value: Value | None = None) -> None:
-        """Write a line, without indentation, that computes a value."""
+        """Append a line of C at the current indentation.
+
+        - `value`: the value that the line computes, for the comment; None for other lines.
+        """
         if value is None:
             self.lines.append(CodeLine(self.level, text))
         else:
@@ -100,7 +101,7 @@ class Writer:
         return name
 
     def new_variable(self, value: Value, hint: str | None = None) -> tuple[str, str]:
-        """Return type and name of a new variable for a value."""
+        """Return the C type and an unused name of a new variable for a value; `hint` is the preferred name."""
         return self.dialect.type(value.type), self.new_name(hint or self.hint(value))
 
     def hint(self, value: Value) -> str | None:
@@ -134,7 +135,7 @@ class Writer:
         self.texts[value] = CExpression(name)
 
     def max_length(self) -> int:
-        """Return the largest length of an expression on this line."""
+        """Return the largest length of an expression at the current indentation [characters]."""
         return WIDTH - len(INDENT) * self.level - len("const double name_12 = ;")
 
     def _value(self, value: Value) -> None:
@@ -202,7 +203,7 @@ class Writer:
     def assign(self, pairs: Sequence[tuple[str, Value]]) -> None:
         """Write simultaneous assignments: none reads a value that another has overwritten.
 
-        - `pairs`: targets and values.
+        - `pairs`: C lvalues, and the values that they get.
         """
         waiting = [
             (target, value)
@@ -222,7 +223,7 @@ class Writer:
             self.line(f"{pair[0]} = {self.texts[pair[1]].text};")
 
     def store(self, store: Value) -> None:
-        """Write the assignments to a row of a logged output."""
+        """Write the assignments to one row of a log."""
         assert self.rows is not None
         row, when, *values = store.args
         if self.texts[row].weight > 1 and len(values) > 1:
@@ -359,7 +360,7 @@ class Writer:
     # ---- loops ------------------------------------------------------------------------------------------------------
 
     def loop(self, loop: Loop) -> None:
-        """Write a `for` if the number of iterations is known, else a `while`."""
+        """Write a loop: a `for` if the number of iterations is known at its start, else a `while`."""
         left = self.placement.results_of(loop)
         names: dict[int, str] = {}
         counted = self._counter(loop, left) if loop.iterations is not None else ""

@@ -32,9 +32,9 @@ _EXP_TAIL = (
 
 
 def powers_of_two(shifted: Expression) -> tuple[Expression, Expression]:
-    """Return two factors of `2^n` for n from -2044 to 2046, which a single f64 cannot represent.
+    """Return two powers of two with the product `2^n`, for n from -2044 to 2046; a single f64 has a smaller range.
 
-    - `shifted`: n + INTEGER.
+    - `shifted`: the f64 n + `INTEGER`, whose lowest bits are the integer n + 2046.
     """
     bits = shifted.bits()
     half = bits >> 1
@@ -61,13 +61,13 @@ def exp(x: Expression) -> Expression:
 
 
 def half_expm1(x: Expression) -> Expression:
-    """`(e^x - 1)/2` as `(a q + (a - 1/b)) b/2`, which does not overflow before `sinh` does."""
+    """`(e^x - 1)/2 = (a q + (a - 1/b)) b/2` with `e^x = (1 + q) a b`; no overflow where sinh x is finite."""
     q, a, b = _parts(x)
     return _less_one(q, a, b) * (b * 0.5)
 
 
 def expm1(x: Expression) -> Expression:
-    """`e^x - 1` as `(a q + (a - 1/b)) b`."""
+    """`e^x - 1 = (a q + (a - 1/b)) b` with `e^x = (1 + q) a b`, where a and b are powers of two."""
     q, a, b = _parts(x)
     # This corrects the sign of a zero.
     return (_less_one(q, a, b) * b).signed_as(x)
@@ -161,7 +161,10 @@ def _log(x: Expression, addend: Expression | None) -> Expression:
 
 
 def log2_in_two_parts(x: Expression) -> tuple[Expression, Expression]:
-    """`log2 x` for x >= 0 as a sum of two numbers, relative error 2^-63; the second is NaN where x is 0 or infinite."""
+    """Return two numbers with the sum `log2 x` for x >= 0, relative error 2^-63.
+
+    The second is NaN where x is 0 or infinite.
+    """
     e, m = _split(x)
     parts = _Artanh(m)
     s, z, d = parts.s, parts.z, parts.d

@@ -1,4 +1,4 @@
-"""Values with operators, to write formulas that build a program."""
+"""IR values with Python's operators, so that a formula in Python builds a program."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def _operator(op: str) -> Callable[[Expression, Expression | Number], Expression
 
 @dataclass(slots=True, eq=False)
 class Expression:
-    """A value with operators; numbers become constants of its type.
+    """An IR value with Python's operators, which add operations to a program; number operands become constants.
 
-    Comparisons return a b1. `equals` and `differs` compare for equality; NaN differs from every number.
+    Comparisons return a truth value (b1). `equals` and `differs` compare for equality; NaN differs from every number.
     """
 
     builder: Builder
@@ -75,11 +75,11 @@ class Expression:
         return self.cast("bitcast", "u64")
 
     def number(self) -> Expression:
-        """The f64 with these bits."""
+        """The f64 whose bits are this u64."""
         return self.cast("bitcast", "f64")
 
     def signed_as(self, other: Expression) -> Expression:
-        """This number, >= 0, with the sign of another."""
+        """This number, which must be >= 0, with the sign of `other`."""
         return (self.bits() | (other.bits() & SIGN)).number()
 
     def flipped(self, sign: Expression) -> Expression:
@@ -87,19 +87,19 @@ class Expression:
         return (self.bits() ^ sign).number()
 
     def cast(self, op: str, type: Type) -> Expression:
-        """Convert to another type; `op` is `bitcast` or `convert`."""
+        """This value converted to another type: its bits if `op` is "bitcast", its number if `op` is "convert"."""
         return Expression(self.builder, self.builder.apply(op, self.value, type=type))
 
     def at_most(self, limit: float) -> Expression:
-        """The minimum of both; NaN stays NaN."""
+        """The minimum of this number and `limit`; NaN stays NaN."""
         return select(self > limit, limit, self)
 
     def at_least(self, limit: float) -> Expression:
-        """The maximum of both; NaN stays NaN."""
+        """The maximum of this number and `limit`; NaN stays NaN."""
         return select(self < limit, limit, self)
 
     def within(self, limit: float) -> Expression:
-        """This number, limited to ±limit; NaN becomes a limit."""
+        """This number, limited to ±limit; NaN becomes `limit`."""
         upper = select(self < limit, self, limit)
         return select(upper > -limit, upper, -limit)
 
@@ -120,11 +120,11 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
 def branch_rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """Return the values of `then()` if `when` is true, else existing values, by a branch for rare cases.
+    """Add a branch for a rare case: return the values of `then()` where `when` is true, else existing values.
 
-    A second call with equal arguments returns the values of the first branch.
+    A second call with the same `when` and existing values adds no branch, and returns the values of the first.
 
-    - `when`: b1, a function of the same numbers as the existing values.
+    - `when`: condition (b1), computed from the same numbers as the existing values.
     - `then`: builds as many values as there are existing ones, of the same types.
     - `else_these`: existing values, all in one region, to which the branch is added.
     """
@@ -141,7 +141,10 @@ def branch_rarely(
 
 
 def polynomial(x: Expression, coefficients: tuple[float, ...]) -> Expression:
-    """`c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts can be computed in parallel."""
+    """The polynomial `c0 + c1 x + c2 x² + ...` by Estrin's scheme, whose parts can be computed in parallel.
+
+    - `coefficients`: c0, c1, c2, ...
+    """
     terms: list[Expression] = [x.constant(c) for c in coefficients]
     power = x
     while len(terms) > 1:

@@ -101,7 +101,7 @@ _INVERSE_FAR = (
 
 
 def erf(x: Expression) -> Expression:
-    """`erf x`; for |x| > 1 as `1 - e^P(|x|)`."""
+    """`erf x`; for |x| > 1 as `1 - e^P(|x|)` with a polynomial P."""
     magnitude = abs(x)
     near = fma(magnitude, polynomial(x * x, _NEAR), magnitude)
     far = 1.0 - exp(polynomial(magnitude.at_most(6.0), _FAR))
@@ -130,9 +130,11 @@ _LOWERED: dict[str, Callable[..., Expression]] = {
 
 
 def lower(builder: Builder, op: str, args: tuple[Value, ...]) -> Value | None:
-    """Build the expansion of `builder.apply(op, *args)`; None if `op` is not an elementary function.
+    """Add an elementary function to a program, expanded into basic operations; return its result as an IR value.
 
-    Computes in f64, also for arguments of type f32.
+    Returns None if `op` is not an elementary function. Computes in f64, also for arguments of type f32.
+
+    - `op`, `args`: name of the function, and its arguments.
     """
     function = _LOWERED.get(op)
     if function is None:

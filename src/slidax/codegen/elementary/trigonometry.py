@@ -218,7 +218,7 @@ _ARCTANGENT = (
 
 
 def _arc(x: Expression) -> tuple[Expression, Expression]:
-    """Return True if |x| > 1/2, and `asin sqrt((1 - |x|)/2)`, half of `acos |x|`; else False, and `asin |x|`."""
+    """Return `|x| > 1/2`, and an angle: `asin sqrt((1 - |x|)/2)`, half of `acos |x|`, if true; `asin |x|` if false."""
     magnitude = abs(x)
     large = magnitude > 0.5
     z = select(large, 0.5 - 0.5 * magnitude, x * x)
@@ -233,7 +233,7 @@ def asin(x: Expression) -> Expression:
 
 
 def acos(x: Expression) -> Expression:
-    """`acos x = k pi/2 ± arc`, with the arc of `asin`; k = 0, 1, 2."""
+    """`acos x = k pi/2 ± arc`, k = 0, 1, 2; arc is `2 asin sqrt((1 - |x|)/2)` for |x| > 1/2, else `asin |x|`."""
     large, arc = _arc(x)
     arc = select(large, arc + arc, -arc).flipped(x.bits() & SIGN)
     quarters = select(large, select(x < 0.0, x.constant(2.0), 0.0), 1.0)

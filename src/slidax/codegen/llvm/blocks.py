@@ -16,9 +16,9 @@ from .vectorise import Vector, lower_and_fuse
 
 @dataclass(frozen=True)
 class ElementaryFunction:
-    """An elementary function of scalars or vectors.
+    """An elementary function of scalars or vectors, as a function in LLVM IR.
 
-    - `op`: its operation.
+    - `op`: its IR operation, such as "sin".
     - `type`: type of the arguments and the result.
     - `arguments`: number of arguments.
     - `width`: number of lanes.
@@ -36,20 +36,20 @@ class ElementaryFunction:
 
     @property
     def program(self) -> Program:
-        """The function in correctly rounded operations."""
+        """A program that computes the function by correctly rounded operations."""
         builder = Builder()
         arguments = [builder.input(f"x{k}", self.type, (), varying=True).item() for k in range(self.arguments)]
         builder.output("y", self.type, np.array(builder.apply(self.op, *arguments, type=self.type), object))
         return lower_and_fuse(builder.finish())
 
     def call(self, words: list[str]) -> str:
-        """Return a call with these arguments in LLVM IR."""
+        """Return a call of the function in LLVM IR; `words` are LLVM operands, its arguments."""
         llvm_type = type_name(self.type, self.width)
         return f"call {self.head}({', '.join(f'{llvm_type} {word}' for word in words)})"
 
 
 def varying_values(program: Program) -> set[Value]:
-    """Return all values that depend on a varying input, directly or by the number of loop iterations.
+    """Return all values that may differ between runs: they depend on a varying input, also by the number of iterations.
 
     Carried values of loops need a fixed-point iteration: they count as uniform until a pass shows otherwise.
     """
@@ -101,10 +101,10 @@ SELECT_LIMIT = 12
 
 
 class Blocks(Lines):
-    """Writes the lines of one function.
+    """Writer of one function in LLVM IR: prints a program's operations, loops and branches to `lines`.
 
     - `lanes`: number of runs that are computed in parallel.
-    - `called`: elementary functions that it calls.
+    - `called`: elementary functions that the function calls.
     """
 
     def __init__(self, program: Program, lanes: int) -> None:
@@ -118,7 +118,7 @@ class Blocks(Lines):
         self._label, self._mask = "entry", ""  # the mask: the active lanes; "" for all
 
     def print(self) -> None:
-        """Write the complete body."""
+        """Write the complete body, which reads and writes the program's inputs and outputs in memory."""
         memory.load_addresses(self.program, self)
         memory.allocate_spare(self.program, self.lanes, self)
         self._region(self.program.body)
@@ -129,7 +129,7 @@ class Blocks(Lines):
         self.write("ret void")
 
     def print_function(self, llvm_type: str) -> None:
-        """Write the body of a function with the program's inputs as its arguments `%x0`, `%x1`.
+        """Write the body of a function of the program's inputs `%x0`, `%x1`, ... that returns its first output.
 
         - `llvm_type`: type of the function's result.
         """

@@ -24,11 +24,12 @@ from .vectorise import prepare
 
 
 def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
-    """Generate the LLVM IR of a program.
+    """Return the LLVM IR of a program that computes runs in groups of `lanes`.
 
     Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
-    outputs, group after group; `rows` is the number of rows of each log. A group is a set of `lanes` runs.
+    outputs, group after group; `rows` is the number of rows of each log.
 
+    - `program`: result of `prepare`.
     - `lanes`: number of runs that are computed in parallel, a power of two.
     - `entry`: name of the function.
 
@@ -92,7 +93,7 @@ CHUNKS = 8
 
 
 class Kernel:
-    """A compiled program.
+    """A program compiled to machine code, which is called with NumPy arrays.
 
     - `lanes`: number of runs that are computed in parallel.
     - `quick`: True for code that compiles in a fraction of the time, and takes 2 to 5 times as long for equal results.
@@ -114,9 +115,10 @@ class Kernel:
 
     @property
     def function(self) -> Any:
-        """The machine code. Its arguments are a table's address, the number of lines in the table, and of logged rows.
+        """The machine code as a ctypes function: `function(table, lines, rows)`. No argument is checked.
 
-        A line of the table contains the addresses of all inputs and then of all outputs. No argument is checked.
+        `table` is the address of a table, and `lines` its number of lines. Each line contains the addresses of all
+        inputs and then of all outputs. `rows` is the number of rows of each log.
         """
         return self._run
 
@@ -140,9 +142,9 @@ class Kernel:
         """Compute one run, and return its outputs.
 
         - `inputs`: inputs in the program's shapes and dtypes.
-        - `rows`: number of rows of each logged output, its first axis; rows that are not written are 0.
+        - `rows`: number of rows of each log, its first axis; rows that are not written are 0.
 
-        Raises DefinitionError if an input has another shape or dtype.
+        Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
         """
         if self.lanes > 1:
             spread = [
@@ -161,10 +163,10 @@ class Kernel:
 
         - `inputs`: inputs in the program's shapes and dtypes; those that vary have a first axis for the runs.
         - `runs`: number of runs, > 0.
-        - `rows`: number of rows of each logged output, its second axis; rows that are not written are 0.
+        - `rows`: number of rows of each log, its second axis; rows that are not written are 0.
         - `threads`: number of threads; None: one per CPU core. The results do not depend on it.
 
-        Raises DefinitionError if an input has another shape or dtype.
+        Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
         """
         arrays = self._contiguous(inputs, runs)
         outputs = self._empty(runs, rows)
@@ -224,12 +226,15 @@ def _processors() -> int:
 
 
 def identity(program: Program, lanes: int) -> str:
-    """Return a text that identifies the code of a program, except for the machine and the optimisation level."""
+    """Return a text that is equal for equal programs with equal `lanes`: a key for cached code.
+
+    It does not depend on the machine or on the optimisation level.
+    """
     return f"{digest(program)} {lanes}"
 
 
 def compile(program: Program, lanes: int = 1) -> Kernel:
-    """Compile a program without changing it.
+    """Compile a program to machine code, without changing the program.
 
     - `lanes`: number of runs that are computed in parallel, a power of two. A run's results do not depend on it.
 
@@ -255,7 +260,9 @@ VALUE_SIZE = 8
 
 
 class ByDemand:
-    """Quick and optimised code of a program; the results of both are bitwise equal.
+    """Machine code of a program, compiled quickly at first and optimised once long use is worth it.
+
+    The results of both are bitwise equal.
 
     - `program`: a program whose time is spent in a loop.
     - `lanes`: number of runs that are computed in parallel.
@@ -268,7 +275,7 @@ class ByDemand:
         self._kernel: Kernel | None = None
 
     def kernel(self, iterations: int) -> Kernel:
-        """Return quick or optimised code, by the total number of iterations of all calls.
+        """Return the code for the next run: optimised if the iterations of all calls add up to enough, else quick.
 
         - `iterations`: number of iterations of the loop in the next run; the runs in one vector count once.
 

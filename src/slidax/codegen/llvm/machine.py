@@ -21,19 +21,19 @@ DIGEST = 32
 
 
 def folder() -> Path:
-    """Return the folder of the cache."""
+    """Return the folder of the cache of compiled code, in the user's cache folder."""
     from platformdirs import user_cache_path
 
     return user_cache_path("slidax") / "native"
 
 
 def path_of(key: str) -> Path:
-    """Return the file for a key, which contains everything that the object code depends on."""
+    """Return the cache file for a key, which contains everything that the object code depends on."""
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
 
 
 def load_code(key: str) -> bytes | None:
-    """Return the object code for a key; None if there is none, or it cannot be trusted."""
+    """Return the object code for a key from the cache on disk; None if there is none, or it cannot be trusted."""
     path = path_of(key)
     try:
         if not path.parent.is_dir() or not _is_private(path.parent):
@@ -50,7 +50,7 @@ def load_code(key: str) -> bytes | None:
 
 
 def store_code(key: str, body: bytes) -> None:
-    """Store object code for a key, if the disk can be written."""
+    """Store object code for a key in the cache on disk; do nothing if the folder cannot be written or trusted."""
     path = path_of(key)
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -86,7 +86,10 @@ def _is_private(folder: Path) -> bool:
         status = os.lstat(folder)
     fault = _fault(status, stat.S_ISDIR)
     if fault:
-        warnings.warn(f"native code is not cached on disk, because `{folder}` {fault}", stacklevel=2)
+        warnings.warn(
+            f"native code is not cached on disk, because `{folder}` {fault}: delete it, or correct owner and access",
+            stacklevel=2,
+        )
     return not fault
 
 
@@ -114,9 +117,10 @@ def available() -> bool:
 
 
 class Code:
-    """Machine code in memory, valid as long as this object exists.
+    """Machine code in memory, valid as long as this object exists; `address` is the address of its function.
 
-    - `object`: an object file.
+    - `machine`: this CPU with its compiler, which links the code.
+    - `object`: bytes of an object file.
     - `entry`: name of its function.
 
     Raises RuntimeError or IndexError if the object file has no such function.
@@ -131,7 +135,10 @@ class Code:
 
 
 class Machine:
-    """The CPU of this machine with its features, and LLVM's compiler for it."""
+    """The CPU of this machine with its features, and LLVM's compiler for it.
+
+    Raises DefinitionError if llvmlite is missing.
+    """
 
     def __init__(self) -> None:
         if not available():
@@ -149,7 +156,7 @@ class Machine:
         self.numbers = itertools.count()
 
     def key_of(self, source: str, level: int) -> str:
-        """Return the cache key of a module's code.
+        """Return the cache key for the machine code of an LLVM module.
 
         - `source`: text with everything that the module depends on. The module's IR is not used as the key, since
           generating it takes as long as compiling it.
@@ -158,11 +165,11 @@ class Machine:
         return "\n".join([self.version, self.cpu, self.features, str(level), source])
 
     def code_of(self, source: str, entry: str, text: Callable[[], str], level: int) -> Code:
-        """Return a module's code, from the cache if possible.
+        """Return the machine code of an LLVM module: from the cache on disk, else compiled and then stored there.
 
         - `source`, `level`: as in `key_of`.
-        - `entry`: name of its function.
-        - `text`: generates the module's IR.
+        - `entry`: name of the module's function.
+        - `text`: returns the module's LLVM IR.
         """
         key = self.key_of(source, level)
         object = load_code(key)
@@ -180,7 +187,7 @@ class Machine:
         return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:
-        """Compile a module's IR to an object file, without LLVM's optimisation passes, which the IR does not need."""
+        """Return the object file of LLVM IR, compiled without LLVM's optimisation passes, which it does not need."""
         return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
 
     def _target(self, level: int) -> Any:
@@ -192,5 +199,5 @@ class Machine:
 
 @functools.cache
 def host() -> Machine:
-    """Return this machine; its CPU is inspected only once."""
+    """Return this machine and its compiler; the CPU is inspected only once."""
     return Machine()

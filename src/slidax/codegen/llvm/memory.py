@@ -9,7 +9,7 @@ from .operations import BYTES, STORED, Lines, literal, suffix, type_name
 
 
 def load_addresses(program: Program, out: Lines) -> None:
-    """Write the loads of all addresses: `%in0`, `%in1`, ..., `%out0`, ..."""
+    """Write the loads of the addresses of all inputs and outputs: `%in0`, `%in1`, ..., `%out0`, ..."""
     names = [f"%in{k}" for k in range(len(program.inputs))] + [f"%out{k}" for k in range(len(program.outputs))]
     for k, name in enumerate(names):
         out.write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
@@ -17,7 +17,7 @@ def load_addresses(program: Program, out: Lines) -> None:
 
 
 def allocate_spare(program: Program, lanes: int, out: Lines) -> None:
-    """Write the allocation of a spare row, to which inactive lanes write."""
+    """Write the allocation of a spare row on the stack, to which inactive lanes write instead of to their log."""
     sizes = [output.size * BYTES[output.type] for output in program.outputs if output.values is None]
     if lanes > 1 and sizes:
         out.write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
@@ -27,10 +27,10 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
     """Write the read of one element of an input.
 
     - `value`: an `input` or a `load`.
-    - `index`: the element's index, a scalar or a vector.
-    - `lanes`: 1 reads one number.
+    - `index`: LLVM operand with the element's index, a scalar or a vector.
+    - `lanes`: number of lanes, one for each run; 1 reads one number.
     - `wide`: True if `index` is a vector.
-    - `mask`: active lanes, the only ones whose index is in range; "" for all.
+    - `mask`: LLVM operand with the active lanes, the only ones whose index is in range; "" for all.
     """
     which = value.data[0] if value.op == "input" else value.data
     entry = program.inputs[which]
@@ -77,7 +77,11 @@ def read_vector(value: Value, lanes: int, out: Lines) -> None:
 
 
 def write_output(program: Program, which: int, element: int, word: str, lanes: int, out: Lines) -> None:
-    """Write one element, `word`, of all lanes to output number `which`."""
+    """Write the store of one element of an output, in each lane's run.
+
+    - `which`, `element`: indices of the output and of the element.
+    - `word`: LLVM operand with the element, of all lanes.
+    """
     output = program.outputs[which]
     name, stored = f"%out{which}e{element}", STORED[output.type]
     llvm_type = stored if lanes == 1 else f"<{lanes} x {stored}>"
@@ -97,11 +101,11 @@ def write_output(program: Program, which: int, element: int, word: str, lanes: i
 def write_row(
     program: Program, store: Value, row: Sequence[str], mask: str, words: Sequence[str], lanes: int, out: Lines
 ) -> None:
-    """Write a row to the log of each lane.
+    """Write the store of one row to the log of each lane's run.
 
-    - `row`: the row's number in each lane.
-    - `mask`: active lanes; "" for all.
-    - `words`: the row's elements, of all lanes.
+    - `row`: LLVM operand with the row's number, for each lane.
+    - `mask`: LLVM operand with the active lanes; "" for all.
+    - `words`: LLVM operands with the row's elements, each of all lanes.
     """
     output = program.outputs[store.data]
     name, stored, log = f"%w{store.number}", STORED[output.type], f"%out{store.data}"
@@ -139,7 +143,12 @@ def write_row(
 def _put_block(
     name: str, stored: Type | str, addresses: Sequence[str], numbers: Sequence[str], first: int, out: Lines
 ) -> None:
-    """Write as many elements as lanes, transposed to one contiguous piece per lane."""
+    """Write the store of as many row elements as there are lanes, transposed to one contiguous piece per lane.
+
+    - `addresses`: LLVM operands with the address of the row, for each lane.
+    - `numbers`: LLVM operands with the elements, each of all lanes.
+    - `first`: index of the first element in the row.
+    """
     lanes = len(addresses)
     llvm_type = f"<{lanes} x {stored}>"
     block, half = list(numbers), lanes // 2

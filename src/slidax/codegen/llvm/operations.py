@@ -30,18 +30,18 @@ BYTES: dict[Type, int] = {type: np.dtype(dtype).itemsize for type, dtype in DTYP
 
 
 def type_name(type: Type, lanes: int) -> str:
-    """Return the name of a scalar type, or of a vector type for `lanes > 1`."""
+    """Return the LLVM name of an IR type, `double`, or of a vector of it for `lanes > 1`, `<8 x double>`."""
     return TYPES[type] if lanes == 1 else f"<{lanes} x {TYPES[type]}>"
 
 
 def suffix(type: Type, lanes: int) -> str:
-    """Return the suffix of an LLVM intrinsic's name for a type."""
+    """Return the suffix of an LLVM intrinsic's name for an IR type: `f64`, or `v8f64` for 8 lanes."""
     word = type if type in FLOATS else STORED[type]
     return word if lanes == 1 else f"v{lanes}{word}"
 
 
 def literal(number: Number, type: Type, lanes: int = 1) -> str:
-    """Return an exact constant, equal in all lanes."""
+    """Return a number as an exact LLVM constant of an IR type; for `lanes > 1`, a vector with it in each lane."""
     if type in FLOATS:
         # LLVM writes a float by the bits of the double that it equals.
         word = f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}"
@@ -68,10 +68,11 @@ class Lines:
         self.lines.append(line)
 
     def call(self, name: str, result: str, function: str, *arguments: tuple[str, str]) -> None:
-        """Call a function and declare it.
+        """Write the call of an LLVM function, and add its declaration.
 
         - `name`: name of the result; empty for a function without one.
-        - `arguments`: type and word of each.
+        - `result`: LLVM type of the result.
+        - `arguments`: LLVM type and operand of each argument.
         """
         call = f"call {result} @{function}({', '.join(f'{type} {word}' for type, word in arguments)})"
         self.write(f"{name} = {call}" if name else call)
@@ -87,11 +88,12 @@ FLOAT_TESTS = {"eq": "oeq", "ne": "une", "lt": "olt", "le": "ole", "gt": "ogt", 
 
 
 def operation(value: Value, words: Sequence[str], lanes: int, out: Lines) -> None:
-    """Write the computation of a value, which is neither elementary, a block, a part of one, nor a memory access.
+    """Write the LLVM IR of one operation: arithmetic, comparison, selection or conversion.
 
     The result is defined for all arguments, because inactive lanes compute with arbitrary numbers.
 
-    - `words`: its arguments, with the same number of lanes.
+    - `value`: the operation. Elementary functions, loops, branches and memory accesses are written elsewhere.
+    - `words`: LLVM operands for its arguments, with the same number of lanes.
     - `lanes`: 1 for a scalar.
     """
     op, name = value.op, f"%v{value.number}"
@@ -184,7 +186,7 @@ def _integer(value: Value, words: Sequence[str], lanes: int, out: Lines) -> None
             last = f"{name}r"
         out.write(f"{name} = select {mask} {name}z, {llvm_type} {by_zero}, {llvm_type} {last}")
     else:
-        raise DefinitionError(f"unknown operation `{op}` of {value.type} numbers")
+        raise DefinitionError(f"LLVM code cannot be generated for the operation `{op}` of {value.type} numbers")
 
 
 def _shift(value: Value, words: Sequence[str], lanes: int, out: Lines) -> None:

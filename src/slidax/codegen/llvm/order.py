@@ -29,7 +29,10 @@ Heights = Mapping[Value, int]
 
 
 def put_in_order(program: Program) -> None:
-    """Order the values of each region, in place; stores, and blocks with stores, keep their order."""
+    """Reorder the operations of a program in place, so that long dependency chains start early.
+
+    Operations that write logs, and loops and branches with such operations, keep their order.
+    """
     _order(program.body, {})
 
 
@@ -106,7 +109,10 @@ def _heights(users: Mapping[Value, Sequence[Value]], after: Heights) -> Heights:
 
 
 def dependency_counts(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int]:
-    """Return the number of dependencies of each value, from the result of `dependants`."""
+    """Return, for each value, the number of values that must come before it.
+
+    - `users`: for each value, the values that must come after it, from `dependants`.
+    """
     missing = dict.fromkeys(users, 0)
     for dependants_of_value in users.values():
         for user in dependants_of_value:
@@ -115,7 +121,10 @@ def dependency_counts(users: Mapping[Value, Sequence[Value]]) -> dict[Value, int
 
 
 def dependants(values: Sequence[Value]) -> dict[Value, list[Value]]:
-    """Return, for each value of a region, the values that must come after it."""
+    """Return, for each value of a region, the values of the region that must come after it, because they use it.
+
+    Operations that write logs also depend on the previous one.
+    """
     users: dict[Value, list[Value]] = {value: [] for value in values}
     last_store: Value | None = None
     for value in values:

@@ -1,4 +1,4 @@
-"""Superword-level parallelism: bundles of similar operations, and a cost model that keeps the profitable ones."""
+"""Superword-level parallelism: similar scalar operations become vector operations if a cost model predicts a gain."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ LARGEST_WIDTH = 8
 
 
 class Bundles:
-    """Bundles of a program, which is not changed.
+    """Bundles of a program, which is not changed: groups of scalar values that can be computed as vectors.
 
-    A bundle is a tuple of values that can be lanes of one vector. A slot has the k-th argument of each of them.
+    A bundle is a tuple of values, the lanes of one vector. A slot is the tuple of their k-th arguments.
     """
 
     def __init__(self, program: Program) -> None:
@@ -46,7 +46,7 @@ class Bundles:
         self._dissolve_cycles(program.body)
 
     def dissolve(self, members: Members) -> None:
-        """Remove a bundle."""
+        """Remove a bundle, so that its values are computed as scalars."""
         self.vectors.pop(members, None)
         for value in members:
             if self.lane_of.get(value, (None,))[0] == members:
@@ -118,7 +118,7 @@ class Bundles:
         return 1
 
     def _extend(self, value: Value, *, computed: bool) -> None:
-        """Search for the same operation on the next elements of the bundles of a value's arguments."""
+        """Search for operations like `value` on the next lanes of its arguments' bundles; make them a bundle."""
         if value in self.lane_of:
             return
         places = [self.lane_of.get(arg) for arg in value.args]
@@ -242,7 +242,7 @@ def _is_like(value: Value, other: Value) -> bool:
 
 
 def _rest(value: Value, arg: Value) -> list[str]:
-    """Return the types of a value's other arguments."""
+    """Return the sorted types of a value's arguments other than `arg`."""
     return sorted(other.type for other in value.args if other is not arg)
 
 
@@ -279,7 +279,7 @@ COSTS = {"div": 4.0, "sqrt": 4.0}
 
 
 def keep_profitable(bundles: Bundles) -> None:
-    """Dissolve the bundles that cost more than they save, in place."""
+    """Remove, in place, the bundles whose vectors cost more instructions than they save."""
     costs = _CostModel(bundles)
     while True:
         costly = [members for members in bundles.slots if members in bundles.vectors and costs.gain(members) < 0.0]

@@ -16,19 +16,21 @@ from .slp import Bundles, Members, keep_profitable
 
 @dataclass(slots=True, eq=False, repr=False)
 class Vector(Value):
-    """Values that one instruction computes.
+    """Several scalars of one run that one CPU instruction computes, as one value.
 
-    In addition to the IR's operations, `op` can be `gather`, a vector of scalars, or `spread`, a broadcast scalar. The
-    operation `pick` extracts the lane `data`.
+    In addition to the IR's operations, `op` can be `gather`, a vector of scalars, or `spread`, a broadcast scalar. A
+    scalar with the operation `pick` is the lane `data` of a vector.
+
+    - `lanes`: number of scalars.
     """
 
     lanes: int = 1
 
 
 def vectorise(program: Program) -> None:
-    """Vectorise the operations of one run in place, if that saves time.
+    """Replace similar scalar operations of a program by vector operations, in place, where that saves time.
 
-    Afterwards the values are unordered: call `put_in_order` next.
+    Afterwards the operations are unordered: call `put_in_order` next.
     """
     bundles = Bundles(program)
     keep_profitable(bundles)
@@ -206,7 +208,7 @@ CALLED = FUNCTIONS - {"exp", "erf_inv"}
 
 
 def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
-    """Return a copy of a program that is ready to be printed.
+    """Return a copy of a program that is ready to be printed as LLVM IR: expanded, vectorised and ordered.
 
     - `lanes`: number of runs that are computed in parallel. With 1, operations that are similar for all joints become
       vectors.
@@ -223,9 +225,9 @@ def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program
 
 
 def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
-    """Return a copy of a program in correctly rounded operations.
+    """Return a copy of a program with elementary functions as correctly rounded operations, and fused multiply-adds.
 
-    - `lowered`: the functions that are expanded; functions of constants always are.
+    - `lowered`: names of the elementary functions that are expanded; functions of constants always are.
     """
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:

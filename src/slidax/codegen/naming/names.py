@@ -37,7 +37,7 @@ RESERVED = frozenset(f"{KEYWORDS} {LIBRARY}".split())
 
 
 def identifier(name: str) -> str:
-    """Turn a name, not empty, into an identifier that is not reserved in C, C++ or CUDA."""
+    """Return a name as an ASCII identifier that is not reserved in C, C++ or CUDA: `τ_1` becomes `tau_1`."""
     name = re.sub(r"\W+", "_", to_ascii(name)).strip("_") or "v"
     if name[0].isdigit():
         name = f"v{name}"
@@ -50,10 +50,11 @@ OPERATORS: dict[type[ast.AST], str] = {ast.Sub: "sub", ast.Div: "div", ast.Add: 
 
 
 class Name(NamedTuple):
-    """The preferred name of a value.
+    """The preferred name of a value in generated code.
 
     - `text`: an identifier.
-    - `firm`: True if the source assigns this value to a variable, so that a reader looks for it.
+    - `firm`: True for the name of a variable or input in the Python source, which a reader looks for; False for a name
+      that is derived from a function or an operand.
     """
 
     text: str
@@ -61,7 +62,7 @@ class Name(NamedTuple):
 
 
 class Names:
-    """Names and comments for the values of a program.
+    """Names and comments for the values of a program in generated code.
 
     A value is named after the variable that the source assigns it to, with the joint's number: `s_1`, `m_12`. A value
     without a variable is named after an operand, or after the function that returned it.
@@ -88,11 +89,11 @@ class Names:
                     self._name_operands(value, frames[0])
 
     def of(self, value: Value) -> Name | None:
-        """Return a value's name, or None."""
+        """Return a value's preferred name, or None if it has none."""
         return self._names.get(value)
 
     def about(self, value: Value) -> str:
-        """Return the comment on a value; empty if there is none."""
+        """Return the comment on a value: the function that computes it, and its formula; empty if there is none."""
         return self._about.get(value, "")
 
     def _read_inputs(self, program: Program) -> None:

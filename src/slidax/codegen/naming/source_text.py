@@ -79,10 +79,10 @@ Span = tuple[int, int, int, int]
 
 
 class Returned(NamedTuple):
-    """A value that a function returns.
+    """Place of a value in the result of a function.
 
     - `position`: index in the returned tuple; None: the value is returned alone.
-    - `path`: indices in lists that became arrays, the outermost first.
+    - `path`: indices in nested lists that the source converts to an array, the outermost first.
     """
 
     position: int | None = None
@@ -123,7 +123,7 @@ class SourceFile:
 
         None if neither applies, for example if a larger expression uses the value.
 
-        - `value`: the part of the value that is followed.
+        - `value`: the part of the expression's value that is followed.
         """
         position, path = value
         inner: ast.AST = node
@@ -158,9 +158,9 @@ class SourceFile:
             inner = outer
 
     def docs(self, line: int) -> list[tuple[str, str]]:
-        """Return name and summary of the innermost function around a line, and of its class; none outside functions.
+        """Return pairs (name, summary) for the innermost function around a line, and for its class if it is a method.
 
-        A summary is the first line of a docstring; empty without one.
+        The list is empty outside functions. A summary is the first line of the docstring; empty without one.
         """
         around = [node for node in self._functions if node.lineno <= line <= (node.end_lineno or 0)]
         if not around:
@@ -188,7 +188,7 @@ def function_called(call: ast.Call) -> str:
 
 
 def operand(node: ast.expr) -> str | None:
-    """Return the name of an operand, or None: `x`, or `slope` for `error.slope`."""
+    """Return the name of an operand: `x` for `x`, `slope` for `error.slope`; None for other expressions."""
     if isinstance(node, ast.Name):
         return node.id
     return node.attr if isinstance(node, ast.Attribute) else None
@@ -216,9 +216,10 @@ def _summary(node: ast.FunctionDef | ast.ClassDef) -> str:
 
 
 def about(frames: Sequence[Any]) -> str:
-    """Return name and formula of the innermost function with a formula in its docstring's first line; empty if none.
+    """Return a comment, `name: formula`, from the innermost function whose docstring has a formula in its first line.
 
-    A class's docstring takes precedence over a method's if only it has an equation or an equation number.
+    The comment is empty if no function has one. A class's docstring takes precedence over a method's if only it has an
+    equation or an equation number.
 
     - `frames`: source locations, the innermost first.
     """

@@ -1,4 +1,4 @@
-"""Convert a pure JAX function to the intermediate representation, by its jaxpr."""
+"""Convert a pure JAX function to a program of the intermediate representation (IR), from its jaxpr."""
 
 from .library import Library as Library
 from .tracing import Origin as Origin

@@ -1,4 +1,4 @@
-"""Rules for primitives that move, select or reduce elements of arrays."""
+"""Rules that translate JAX primitives which move, select or reduce elements of arrays to IR operations."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
 def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...]) -> Values:
     """Return the part of an array that begins at `starts`; a part that would leave the array is shifted inside.
 
-    - `starts`: an integer for each axis.
+    - `starts`: an integer IR value for each axis, known at run time.
     - `sizes`: shape of the part.
     """
     for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
@@ -102,10 +102,12 @@ def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...
 
 
 def replace_window(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
-    """Return the array with a part replaced that begins at `starts`; a part that would leave it is shifted inside.
+    """Return a copy of an array in which `part` replaces the elements that begin at `starts`.
 
-    - `part`: the new part, with as many axes as the array.
-    - `starts`: an integer for each axis.
+    A part that would leave the array is shifted inside.
+
+    - `part`: new elements, with as many axes as the array.
+    - `starts`: an integer IR value for each axis, known at run time.
     """
 
     def at(slices: tuple[slice, ...], axis: int) -> Values:

@@ -1,4 +1,4 @@
-"""Arrays of values, which are the operands and results of every primitive."""
+"""Arrays of IR values, which are the operands and results of JAX primitives in a trace."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ TYPES: dict[str, Type] = {np.dtype(dtype).name: type for type, dtype in DTYPES.i
 
 
 Inline = Callable[[Any, Sequence[Values]], list[Values]]
-"""Map a closed jaxpr and its arguments to its results."""
+"""Append the operations of a closed jaxpr to a program: map the jaxpr and its arguments to its results."""
 
 
 def type_of(dtype: Any) -> Type:
-    """Return the IR type of a dtype.
+    """Return the IR type for a NumPy dtype.
 
-    Raises NotImplementedError if it has none.
+    Raises NotImplementedError if the IR has no such type.
     """
     name = np.dtype(dtype).name
     if name not in TYPES:
@@ -31,7 +31,7 @@ def type_of(dtype: Any) -> Type:
 
 
 def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
-    """Return an array of these values, in C order."""
+    """Return IR values, listed in C order, as an array of shape `shape`."""
     listed = list(values)
     array = np.empty(len(listed), object)
     array[:] = listed
@@ -39,21 +39,21 @@ def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
 
 
 def constant_array(builder: Builder, numbers: Any) -> Values:
-    """Return an array of constants, of a dtype in `TYPES`."""
+    """Return numbers, of a dtype in `TYPES`, as an array of constant IR values."""
     array = np.asarray(numbers)
     kind = type_of(array.dtype)
     return value_array((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
 
 
 def full_array(value: Value, shape: tuple[int, ...]) -> Values:
-    """Return an array with the same value everywhere."""
+    """Return an array of shape `shape` that has the same IR value in all elements."""
     array = np.empty(shape, object)
     array[...] = value
     return array
 
 
 def each(function: Callable[..., Value], *arrays: Values) -> Values:
-    """Apply a function elementwise to arrays of equal shape; scalars are broadcast."""
+    """Apply a function to the elements of arrays of IR values, which are broadcast; return the array of the results."""
     if all(array.ndim == 0 for array in arrays):
         return value_array([function(*(array.item() for array in arrays))], ())
     arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
@@ -71,7 +71,10 @@ def fold(function: Callable[[Value, Value], Value], values: Iterable[Value], emp
 
 
 def select_element(builder: Builder, values: list[Value], index: Value) -> Value:
-    """Return the element at a run-time index, an integer; an index out of range is clipped."""
+    """Return the IR value of `values[index]`, where `index` is an integer that is known only at run time.
+
+    An index out of range is clipped to the range.
+    """
     last = len(values) - 1
     if index.op == "const":
         return values[max(0, min(last, int(index.data)))]
@@ -128,7 +131,7 @@ def pack(arrays: Sequence[Values]) -> list[Value]:
 
 
 def unpack(values: Sequence[Value], shapes: Sequence[tuple[int, ...]]) -> list[Values]:
-    """Return the arrays with these shapes, from the values that `pack` returns."""
+    """Return arrays of these shapes, filled with IR values in the order of `pack`, whose inverse this is."""
     arrays, start = [], 0
     for shape in shapes:
         size = int(np.prod(shape, dtype=int))

@@ -1,4 +1,4 @@
-"""Rules for loops, branches, and primitives that JAX expands into others."""
+"""Rules that translate JAX's loops, branches, and primitives that JAX expands into others, to IR operations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FEW = 64
 
 
 def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.while_loop`."""
+    """Rule of `lax.while_loop`: append a loop to the program, and return the carried values after it."""
     params = equation.params
     n_condition, n_body = params["cond_nconsts"], params["body_nconsts"]
     condition_shares, shares = arrays[:n_condition], arrays[n_condition : n_condition + n_body]
@@ -35,7 +35,10 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
 
 
 def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.scan`, and of `lax.fori_loop` over a known range."""
+    """Rule of `lax.scan`, and of `lax.fori_loop` over a known range: append a loop, or all iterations one by one.
+
+    Returns the carried values after the last iteration, and the stacked results.
+    """
     params = equation.params
     length, reverse = params["length"], params["reverse"]
     shared, n_carry = _consts_and_carry(params)
@@ -111,7 +114,7 @@ def _with_row(b: Builder, stack: Values, at: Value, row: Values) -> Values:
 
 
 def cond(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.cond` and `lax.switch`."""
+    """Rule of `lax.cond` and `lax.switch`: append a branch for each case, and return the results of the chosen case."""
     index, operands = arrays[0].item(), arrays[1:]
     branches = equation.params["branches"]
     return _switch(b, index, list(branches), 0, operands, inline)
@@ -141,7 +144,7 @@ def _is_up_to(b: Builder, index: Value, number: int) -> Value:
 
 
 def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Inline the expansion of a primitive, such as the bisection of `jnp.searchsorted` or a `custom_root` solver."""
+    """Append JAX's expansion of a primitive, such as the bisection of `jnp.searchsorted`; return its results."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
 
@@ -152,7 +155,10 @@ def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> l
 
 
 def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.custom_linear_solve`: inline its solver; its other functions are for derivatives."""
+    """Rule of `lax.custom_linear_solve`: append its solver, and return the solution.
+
+    The primitive's other functions are for derivatives, and are not needed.
+    """
     lengths, jaxprs = equation.params["const_lengths"], equation.params["jaxprs"]
     first = lengths.matvec + lengths.vecmat
     right_sides = arrays[sum(lengths) :]
@@ -160,7 +166,7 @@ def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline
 
 
 def platform_index(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Rule of `lax.platform_dependent`: the version for the CPU, else the default one."""
+    """Rule of `lax.platform_dependent`: return the index of the version for the CPU, else of the default version."""
     platforms = equation.params["platforms"]
     named = [k for k, names in enumerate(platforms) if names is not None and "cpu" in names]
     number = named[0] if named else platforms.index(None)

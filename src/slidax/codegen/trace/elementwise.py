@@ -1,4 +1,4 @@
-"""Rules for elementwise primitives and JAX's random number generator."""
+"""Rules that translate JAX's elementwise primitives and random number generator to IR operations."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ Rule = Callable[[Builder, Any, list[Values]], Values]
 
 
 def apply_operation(builder: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Apply a primitive that is an operation of the IR."""
+    """Rule of the primitives in `OPERATIONS`: return the array of the IR operation's results, element by element."""
     op = OPERATIONS[equation.primitive.name]
     apply = builder.apply
     if arrays[0].size and arrays[0].flat[0].type == "b1" and op in ("lt", "le", "gt", "ge", "max", "min", "mul", "add"):
         return each(lambda *args: _bool_operation(builder, op, args), *arrays)
     if op == "pow" and arrays[1].size and arrays[1].flat[0].type not in FLOATS:
-        raise NotImplementedError("a power with an array of integers as exponent")
+        raise NotImplementedError("a power with an array of integers as exponent; convert the exponent to float64")
     return each(lambda *args: apply(op, *args), *arrays)
 
 
@@ -67,7 +67,7 @@ def _convert(b: Builder, equation: Any, arrays: list[Values]) -> Values:
 def _bitcast(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     kind = _type(equation)
     if arrays[0].shape != equation.outvars[0].aval.shape:
-        raise NotImplementedError("a bitcast to a type of another size")
+        raise NotImplementedError("a bitcast to a type of another size; use a type with the same number of bytes")
     return each(lambda x: b.apply("bitcast", x, type=kind), arrays[0])
 
 
@@ -105,7 +105,7 @@ def _round(b: Builder, equation: Any, x: Value) -> Value:
 def _select(b: Builder, equation: Any, arrays: list[Values]) -> Values:
     which, *cases = arrays
     if which.size and which.flat[0].type != "b1" and len(cases) > 2:
-        raise NotImplementedError("a choice between more than two arrays")
+        raise NotImplementedError("a choice between more than two arrays; use `jnp.where` several times")
 
     def choice(when: Value, no: Value, yes: Value | None = None) -> Value:
         if yes is None:
@@ -123,7 +123,10 @@ def _logistic(b: Builder, x: Value) -> Value:
 
 
 def _total_order_comparison(op: str) -> Rule:
-    """Return the rule of a comparison in which NaN is larger than every number, and zeros of both signs are equal."""
+    """Return the rule of a comparison in which NaN is larger than every number, and zeros of both signs are equal.
+
+    - `op`: "lt" or "le".
+    """
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         def compare(x: Value, y: Value) -> Value:
@@ -171,7 +174,10 @@ ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Rule of the generator threefry2x32: for each element, two random words from a key and a counter of two words."""
+    """Rule of JAX's generator threefry2x32: return two arrays of random 32-bit words, uniformly distributed.
+
+    - `arrays`: first and second words of the keys, then of the counters.
+    """
     arrays = list(np.broadcast_arrays(*arrays))
     pairs = [_threefry(b, *row) for row in zip(*(array.ravel() for array in arrays), strict=True)]
     shape = arrays[0].shape
@@ -195,21 +201,24 @@ def _threefry(b: Builder, key0: Value, key1: Value, x0: Value, x1: Value) -> tup
 
 
 def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Return the high and low words of 0, 1, 2, ..., in the requested shape."""
+    """Rule of the counters of random numbers: return two arrays with the high and low 32-bit words of 0, 1, 2, ..."""
     shape = equation.params["shape"]
     low = np.arange(int(np.prod(shape, dtype=int)), dtype=np.uint32).reshape(shape)
     return [constant_array(b, np.zeros_like(low)), constant_array(b, low)]
 
 
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
-    """Return the rule of a primitive on random keys, which inlines the function `name` of JAX's generator."""
+    """Return the rule of a primitive on random keys, which appends a function of JAX's generator to the program.
+
+    - `name`: the function: "seed", "fold_in", "random_bits" or "split".
+    """
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
         impl = equation.params.get("impl") or equation.invars[0].aval.dtype._impl
         if impl.name != "threefry2x32":
             raise NotImplementedError(f"the generator `{impl.name}`; use JAX's default, threefry2x32")
         if equation.invars[0].aval.ndim:
-            raise NotImplementedError("an array of keys")
+            raise NotImplementedError("an array of random keys; use a single key")
         function = getattr(impl, name)
         more: tuple[Any, ...] = ()
         if name == "random_bits":
@@ -224,5 +233,5 @@ def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline]
 
 
 def key_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Return a key's words: the key itself."""
+    """Rule of conversions between a random key and its words, which are equal in the IR: return the input."""
     return each(lambda x: x, arrays[0])

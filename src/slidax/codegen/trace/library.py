@@ -24,11 +24,12 @@ EACH = 2.5
 
 @dataclass(frozen=True)
 class SharedProgram:
-    """A shared function, for calls whose arguments have the same constants.
+    """A function that becomes one program for all calls whose arguments have the same constants as elements.
 
     - `program`: the function; None if it is inlined at each call.
-    - `passed`: indices of the arguments that are inputs of the function.
-    - `results`: for each result, its shape and the sources of its elements.
+    - `passed`: indices of the arguments that are inputs of the program; the others are constant or unused.
+    - `results`: shape of each result, and the source of each element: ("const", number), ("input", index among the
+      passed elements) or ("output", index among the program's outputs).
     - `jaxpr`: stored here to stay alive, so that no other jaxpr gets its `id`.
     """
 
@@ -39,7 +40,7 @@ class SharedProgram:
 
 
 class Library:
-    """Shared functions of the programs that are traced with it: equal calls call the same function."""
+    """Collection of shared functions: equal calls, in all programs that are traced with it, call the same program."""
 
     def __init__(self) -> None:
         self._shared: dict[Any, SharedProgram] = {}
@@ -48,9 +49,11 @@ class Library:
     def call(
         self, builder: Builder, equation: Any, arrays: Sequence[Values], run: Callable[..., list[Values]]
     ) -> list[Values] | None:
-        """Return the results of a call; None if the call must be inlined.
+        """Add the call of a shared function to a program, and return its results; None if the call must be inlined.
 
-        - `run`: inlines a closed jaxpr with arguments into another builder.
+        - `equation`: the call in the jaxpr, of a function under `jax.jit`.
+        - `arrays`: arguments of the call, as arrays of IR values.
+        - `run`: inlines a closed jaxpr, with arguments and a name, into another builder.
         """
         closed = equation.params["jaxpr"]
         if not _fits(closed.jaxpr):
@@ -137,7 +140,11 @@ def _in_order(values: Sequence[Value]) -> bool:
 
 
 def keep_array(builder: Builder, array: Values) -> Values:
-    """Mark an array of the source as one array of the program; inputs among its elements are copied."""
+    """Record that IR values form one array in the source, and return this array.
+
+    Elements that are inputs or other existing values are replaced by copies. An array that has no other elements, or
+    fewer than `ROW`, is returned unchanged.
+    """
     if array.size < ROW or all(value.op in PLACED for value in array.flat):
         return array
     which = len(builder.program.arrays)

@@ -1,4 +1,4 @@
-"""Trace a JAX function to a program, with the source location of each value."""
+"""Trace a JAX function to a program of the intermediate representation (IR), with the source location of each value."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ class SourceFrame(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Origin:
-    """Source location of a value.
+    """Source location of an IR value.
 
-    - `equation`: equation of the jaxpr.
+    - `equation`: the equation of the jaxpr that computes it.
     - `element`: index of the value in the equation's result, in C order; None for an intermediate value.
     - `shape`: shape of that result.
     - `within`: name of the function in which to search for the location; None: anywhere.
@@ -85,7 +85,7 @@ class Origin:
 
 
 def frames_of(equation: Any) -> list[SourceFrame]:
-    """Return the source locations of an equation, the innermost first."""
+    """Return the source locations of a jaxpr's equation, the innermost first, without JAX and its libraries."""
     traceback = equation.source_info.traceback
     frames: list[SourceFrame] = []
     for code, instruction in zip(*traceback.raw_frames(), strict=True) if traceback is not None else ():
@@ -207,9 +207,11 @@ IN_PLACE = "write `x = x.at[i].set(value)` for `x[i] = value`"
 
 @contextmanager
 def located_tracing_errors() -> Iterator[None]:
-    """Convert JAX's errors for code that depends on the values of arrays, and all errors in the user's code.
+    """Convert errors in the block, which traces a function, to DefinitionErrors with line, rule and remedy.
 
-    Raises DefinitionError with the line of the traced function, the rule and the remedy.
+    These are JAX's errors for code that depends on the values of arrays, and all errors raised in the user's own code.
+
+    Raises DefinitionError.
     """
     try:
         yield
@@ -258,12 +260,13 @@ def inline(
     named: bool = False,
     library: Library | None = None,
 ) -> list[Values]:
-    """Return the results of a closed jaxpr, as arrays of values.
+    """Append the operations of a closed jaxpr to a program, and return its results as arrays of IR values.
 
-    - `arrays`: its arguments.
-    - `constants`: values of the constants of the jaxpr; None: the numbers in the jaxpr.
+    - `builder`: the program under construction.
+    - `arrays`: arguments of the jaxpr, as arrays of IR values.
+    - `constants`: constants of the jaxpr, as arrays of IR values; None: the numbers stored in the jaxpr.
     - `named`: true to record the source location of each value, which takes time.
-    - `library`: collects shared functions; None inlines all of them.
+    - `library`: collects long functions under `jax.jit` as separate programs; None inlines all of them.
 
     Raises NoNativeCodeError, with name, source location and remedy, if a primitive has no rule or its rule fails.
     """
@@ -272,7 +275,7 @@ def inline(
 
 @dataclass
 class _Inlining:
-    """An inlining in progress.
+    """The work of `inline`, in progress; `builder`, `named` and `library` are its arguments.
 
     - `within`: name of the surrounding function; origins exclude its callers.
     - `call`: inside a called function, the equation of the outermost call.
@@ -339,7 +342,7 @@ class _Inlining:
         raise NoNativeCodeError(f"no native code for the JAX primitive `{name}`{self._where(equation)}: {remedy}")
 
     def _call(self, equation: Any, arrays: list[Values]) -> list[Values] | None:
-        """Return the results of a call to a shared function; None if the call must be inlined."""
+        """Add a call of a shared function, and return its results; None if the call must be inlined."""
         assert self.library is not None
 
         def run(builder: Builder, closed: Any, inside: Sequence[Values], name: str) -> list[Values]:
@@ -376,7 +379,7 @@ def trace(
     named: bool = True,
     library: Library | None = None,
 ) -> Program:
-    """Return `function(*args)` as a program; its inputs are the arrays in `args`, its outputs those in the result.
+    """Trace `function(*args)` to a program; its inputs are the arrays in `args`, its outputs those in the result.
 
     An array's name consists of the argument's name and the path in its pytree: `parameters.surface.k1`, `state.q`.
 
@@ -384,7 +387,7 @@ def trace(
     - `args`: arrays, or shapes with dtypes; only shapes and dtypes are used.
     - `names`: names of the arguments; None: `arg0`, `arg1`, ...
     - `named`: true to record the source location of each value, which takes time.
-    - `library`: collects shared functions; None inlines all of them.
+    - `library`: collects long functions under `jax.jit` as separate programs; None inlines all of them.
 
     Raises NoNativeCodeError if a primitive has no rule or its rule fails, and DefinitionError if the function depends
     on the values of its arrays in Python.
@@ -406,7 +409,7 @@ def trace(
 
 
 def named_leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, Any]]:
-    """Return the arrays in pytrees, each with its name.
+    """Return pairs (name, array) for all arrays in pytrees; a name is the tree's name and the path in it, as `state.q`.
 
     - `names`: a name for each tree.
     """
@@ -418,11 +421,11 @@ def named_leaves(trees: Sequence[Any], names: Sequence[str]) -> list[tuple[str, 
 
 
 def ir_type(dtype: Any, name: str) -> Any:
-    """Return the IR type of a dtype.
+    """Return the IR type for a NumPy dtype.
 
     - `name`: name of the array, for the error.
 
-    Raises NoNativeCodeError if it has none.
+    Raises NoNativeCodeError if the IR has no such type.
     """
     try:
         return type_of(dtype)

@@ -8,7 +8,7 @@ from slidax.core.errors import DefinitionError
 
 
 def decode_leb128(data: bytes, at: int) -> tuple[int, int]:
-    """Return the integer at an offset, and the offset after it."""
+    """Decode the unsigned LEB128 integer at an offset of `data`; return it, and the offset after it."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -20,7 +20,7 @@ def decode_leb128(data: bytes, at: int) -> tuple[int, int]:
 
 
 def encode_leb128(value: int) -> bytes:
-    """Return the bytes of an integer."""
+    """Return the unsigned LEB128 encoding of an integer >= 0."""
     data = bytearray()
     while True:
         byte, value = value & 0x7F, value >> 7
@@ -42,7 +42,7 @@ BLOCK, ONE, TWO, NUMBERS = (
 
 
 def find_multiply_adds(body: bytes) -> list[int]:
-    """Return the offsets of the multiply-adds in a function's body, which begins with its local declarations."""
+    """Return the offsets of all multiply-adds in the body of a function, which begins with its local variables."""
     return [at for at in _instructions(body) if body[at : at + 3] == MADD]
 
 
@@ -112,9 +112,10 @@ UNDEFINED, EXPLICIT = 0x10, 0x40
 
 
 def with_export(object: bytes, name: str) -> bytes:
-    """Return the module of an object file, with one function exported.
+    """Convert a WebAssembly object file to a module that exports one function; return the module's bytes.
 
-    - `object`: object file of one LLVM module.
+    - `object`: bytes of the object file, compiled from one LLVM module.
+    - `name`: name of the function.
 
     Raises DefinitionError if the object is not WebAssembly.
     """
@@ -149,7 +150,7 @@ def _sections(object: bytes) -> Iterator[tuple[int, int, bytes]]:
 
 
 def functions_of(object: bytes) -> dict[str, int]:
-    """Return the indices of the functions that an object file defines, by name."""
+    """Return the indices of the named functions in an object file, by name."""
     for _, kind, body in _sections(object):
         if kind != CUSTOM:
             continue

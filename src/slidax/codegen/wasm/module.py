@@ -29,7 +29,7 @@ FUSED = f"declare {PAIR} @llvm.wasm.relaxed.madd.v2f64({PAIR}, {PAIR}, {PAIR})"
 
 
 class Body(Blocks):
-    """LLVM IR of a function body."""
+    """Writer of a function body in LLVM IR for WebAssembly: calls of elementary functions, relaxed multiply-adds."""
 
     def _value(self, value: Value) -> None:
         name, pairs = f"%v{value.number}", []
@@ -50,7 +50,7 @@ class Body(Blocks):
 
 
 def helpers(once: str, twice: str) -> list[str]:
-    """LLVM IR of two functions that replace a multiply-add.
+    """Return the LLVM IR lines of two functions for `a b + c`, for browsers without the multiply-add instruction.
 
     - `once`: name of the function that rounds once, up to an error in the last bit: exact product and sum (Dekker,
       Knuth).
@@ -112,19 +112,19 @@ INLINE = frozenset({"erf", "erf_inv"})
 
 
 def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Program:
-    """Return a copy of a program, fused like native code, with some inputs replaced by constants.
+    """Return a copy of a program with multiply-adds as in native code, and some inputs replaced by constants.
 
     Products with a constant zero are dropped, since an arm's frames have many of them. The results differ from those of
     native code only for factors that are not finite, since products and sums are fused before the replacement.
 
-    - `known`: constants by the input's position.
+    - `known`: numbers of the replaced inputs, by the input's position among the program's inputs.
     """
     ready = rebuild(program, lambda builder, value, args: None if value.origin else fuse_products(builder, value, args))
     return _Substitution(ready, known).finish()
 
 
 def elementary_program(name: str) -> Program:
-    """Return the program of one elementary function, with the inputs `x0` and, for two arguments, `x1`."""
+    """Return a program of basic operations for an elementary function; its inputs are `x0` and, if it has two, `x1`."""
     builder = Builder()
     args = [builder.input(f"x{k}", "f64", ()).item() for k in range(2 if name in ("pow", "atan2") else 1)]
     builder.output("y", "f64", np.array(builder.apply(name, *args), object))
@@ -192,18 +192,19 @@ class Module:
     """A WebAssembly module, and the layout of its arguments.
 
     Its only import is the memory, `env.__linear_memory`. The exported function is `run(table, rows)`: `table` is the
-    address of the 32-bit addresses of all inputs and then all outputs, and `rows` is the number of rows of each logged
-    output. Booleans are stored as bytes, all other types as in C.
+    address of the 32-bit addresses of all inputs and then all outputs, and `rows` is the number of rows of each log.
+    Booleans are stored as bytes, all other types as in C.
 
     A browser may lack the multiply-add instruction. Each one is then replaced by a call with the same number of bytes:
     in elementary functions, which need it, to a function that rounds once, and elsewhere to one that rounds twice.
 
-    - `inputs`: type and number of elements.
-    - `outputs`: type, number of elements (of a row, if logged), and True for a logged output.
+    - `bytes`: the module, as in a `.wasm` file; offsets count its bytes from 0.
+    - `inputs`: type and number of elements of each input.
+    - `outputs`: type and number of elements of each output (of one row for a log), and True for a log.
     - `digest`: equal for equal programs and constants.
     - `code`: offsets of the beginning and the end of the code.
-    - `entry_at`: offset after which multiply-adds may be rounded twice.
-    - `once`, `twice`: indices of both replacement functions.
+    - `entry_at`: offset of the exported function's body, in which multiply-adds may be rounded twice.
+    - `once`, `twice`: indices of the functions that replace a multiply-add and round once and twice.
     - `others`: offsets at which the bytes equal those of a multiply-add, but are not this instruction.
     """
 
@@ -221,7 +222,7 @@ class Module:
 def wasm_module(program: Program, known: Mapping[int, np.ndarray] | None = None) -> Module:
     """Compile a program to a WebAssembly module, without changing the program.
 
-    - `known`: inputs that become constants of the module, by position; the module does not have them as inputs.
+    - `known`: numbers of the inputs that become constants of the module, by position among the program's inputs.
 
     Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
     """

@@ -135,6 +135,7 @@ def run_can(
 
     A motor answers each torque with its state, which the law reads in the next period.
 
+    - `pilot`: the law with its reference path and checks, before its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     - `now`, `sleep`: clock [s], and a function that waits for a time [s].

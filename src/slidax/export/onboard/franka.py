@@ -37,6 +37,7 @@ def run_franka(
     """Move the arm until the motion is over or a check fails.
 
     - `robot`, `torques`: a `pylibfranka.Robot`, and the class `pylibfranka.Torques`.
+    - `pilot`: the law with its reference path and checks, before its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     """

@@ -33,7 +33,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """Compiler options; without -ffast-math, since the step's result for NaN is specified."""
 
 POINTS = 256
-"""Largest number of points of a trajectory, as in C."""
+"""Length of the array of a trajectory's points in C; a received trajectory must have fewer points."""
 
 
 def compile_library(folder: Path, sources: Sequence[str], name: str) -> Path:
@@ -250,8 +250,8 @@ class Pilot:
     def admit(self, trajectory: Any, slowest: float = 1.0) -> Any:
         """Check a trajectory that starts at the current reference against all limits; return the C structure admission.
 
-        Its `slowdown` is the factor of the trajectory's times, or 0 if the trajectory is rejected. Its `violation` has
-        joint, time, value and limit of the first violation.
+        Its `slowdown` is the factor by which the trajectory's times are multiplied, or 0 if the trajectory is rejected.
+        Its `violation` has joint, time, value and limit of the first violation.
 
         - `trajectory`: a structure from `trajectory`; if it is slowed down, it is changed in place.
         - `slowest`: largest factor by which the trajectory may be slowed down, >= 1.

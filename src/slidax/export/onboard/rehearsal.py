@@ -45,7 +45,11 @@ class RehearsalArm:
 
 
 def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most: float = 600.0) -> int:
-    """Run the motion to its end, but at most `most` seconds; return the last action: FINISH, STOP, or GO at timeout."""
+    """Run the motion to its end, but at most `most` seconds; return the last action: FINISH, STOP, or GO at timeout.
+
+    - `pilot`: the law with its reference path and checks, before its `begin`.
+    - `log`: log to which each period is added.
+    """
     q, dq = arm.measured()
     if not pilot.begin(q):
         return STOP
@@ -83,7 +87,7 @@ def replay(pilot: Pilot, rows: Sequence[dict[str, float]]) -> float:
 
 
 def read(path: str | Path) -> list[dict[str, float]]:
-    """Read the rows of a log."""
+    """Read a log; return for each row its numbers by column name."""
     with open(path, newline="", encoding="utf-8") as file:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
 

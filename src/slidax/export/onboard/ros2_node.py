@@ -41,7 +41,7 @@ class Node:
             q = [message.position[k] for k in order]
             dq = [message.velocity[k] for k in order]
         except (ValueError, IndexError):
-            self.ros.get_logger().error("ignored a joint state without position or velocity of each joint")
+            self.ros.get_logger().error("joint state ignored: it lacks the position or velocity of a joint")
             return
         now = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         if self.before is None and not self.pilot.begin(q):
@@ -60,13 +60,13 @@ class Node:
             self._end()
 
     def wanted(self, message: Any) -> None:
-        """Follow a JointTrajectory of all joints in any order; other joints are ignored with a warning."""
+        """Follow a JointTrajectory with all joints of the law in any order; others are ignored with a warning."""
         logger = self.ros.get_logger()
         names = list(message.joint_names)
         wrong = [name for name in self.joints if names.count(name) != 1]
         if wrong or not message.points:
             what = f"it must have the joint {wrong[0]} once" if wrong else "it has no points"
-            logger.error(f"trajectory rejected: {what}; it has {', '.join(names)}")
+            logger.error(f"trajectory rejected: {what}; its joints are {', '.join(names)}")
             return
         others = [name for name in names if name not in self.joints]
         if others:

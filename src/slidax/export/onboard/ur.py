@@ -23,7 +23,7 @@ WATCHDOG = 50.0
 
 VISCOUS = (0.9, 0.9, 0.8, 0.9, 0.9, 0.9)
 COULOMB = (0.8, 0.8, 0.7, 0.8, 0.8, 0.8)
-"""Shares of its viscous and Coulomb friction that the robot compensates: its own defaults. The law learns the rest."""
+"""Shares of viscous and Coulomb friction that the robot compensates: its defaults. The law learns the remainder."""
 
 
 class Control(Protocol):
@@ -97,6 +97,8 @@ def run_ur(
 ) -> UrOutcome:
     """Move the arm until the motion is over or a check fails.
 
+    - `control`, `receive`: the connections to the robot, for commands and for measurements.
+    - `pilot`: the law with its reference path and checks, before its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     - `friction`: shares of viscous and of Coulomb friction that the robot compensates, one number per joint each.
@@ -143,8 +145,8 @@ def run_ur(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; return an exit code from `STATUS`."""
     parser = robot_parser(__doc__, Path(__file__).parent)
-    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="compensated share per joint")
-    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="compensated share per joint")
+    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="share that the robot compensates")
+    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="share that the robot compensates")
     options = parser.parse_args(arguments)
     try:
         import rtde_control

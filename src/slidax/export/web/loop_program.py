@@ -41,7 +41,7 @@ TITLES = {
 
 
 def signals_of(loop: ClosedLoop, before: Carry, log: Log) -> dict[str, Any]:
-    """Return the signals of one sample by name, each a scalar or [n].
+    """Return the signals that a page logs at one sample by name, each a scalar or [n].
 
     Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without an envelope.
 
@@ -77,9 +77,9 @@ ROWS = 1000
 class Variant:
     """A scenario that a page can run, with the values that are inputs of its program.
 
-    - `family`: the scenario, with the paths of the inputs.
-    - `templates`: the built scenario.
-    - `defaults`: defaults of the inputs, by path.
+    - `family`: the scenario as described, with the dotted paths of the inputs.
+    - `templates`: the scenario as built.
+    - `defaults`: values of the inputs in the scenario, by dotted path.
     """
 
     family: Family
@@ -92,7 +92,7 @@ class Variant:
         return {path: value.shape for path, value in self.defaults.items()}
 
     def loop(self, values: Mapping[str, Any]) -> tuple[ClosedLoop, State]:
-        """Return the closed loop and its initial state, with new values by path; other values stay the scenario's."""
+        """Return the closed loop and its initial state for new inputs by path; other values are the scenario's."""
         built = self.templates.built
         plant, controller, trajectory, state0, *tolerance = self.family.parts(self.templates, values)
         assert not isinstance(plant, MujocoPlant)
@@ -155,7 +155,7 @@ class Variant:
         return [of([atom]) for atom in jaxpr.outvars]
 
     def values(self, inputs: Array) -> dict[str, Array]:
-        """Return the inputs by path, from the input vector."""
+        """Split the input vector into the inputs; return them by dotted path."""
         values, first = {}, 0
         for path, shape in self.shapes.items():
             size = int(np.prod(shape, dtype=int))
@@ -164,7 +164,7 @@ class Variant:
         return values
 
     def leaves(self, inputs: Array) -> list[Any]:
-        """Return the arrays of the loop for an input vector."""
+        """Return the arrays of the loop for an input vector, in the order of `parted`."""
         return self._arrays(self.values(inputs))
 
     def _arrays(self, values: Mapping[str, Array]) -> list[Any]:
@@ -180,7 +180,7 @@ class LoopProgram:
 
     - `module`: the WebAssembly module.
     - `entry`: its call interface as JSON data; see `docs/browser.md`.
-    - `constants`: for each variant, the part of the input vector after the tunable values.
+    - `constants`: for each variant, its input vector without the tunable values, which come first.
     """
 
     module: Module
@@ -189,12 +189,12 @@ class LoopProgram:
 
 
 def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
-    """Return one program for several variants; None if an array that depends on the tunable values also differs.
+    """Return one program for several variants of a closed loop, which all must have the same `form`.
+
+    Returns None if an array that depends on the tunable values also differs between the variants.
 
     The program's inputs are the tunable values, the arrays that differ between the variants, the number of samples, and
-    the logging stride.
-
-    - `variants`: variants of one form.
+    the logging stride [samples].
 
     Raises DefinitionError if an operation of the loop cannot be compiled.
     """

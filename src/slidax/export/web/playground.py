@@ -41,7 +41,7 @@ INSTANTS = 200
 def arm_entry(
     robot: AbstractRobot, label: str, title: str, torque: Any, rate: Any, trajectory: AbstractMotion, t1: float
 ) -> dict[str, Any]:
-    """Return an arm's entry in the manifest: kinematics, shapes and limits.
+    """Return an arm's entry in the manifest, the data of a page: kinematics, shapes and limits.
 
     - `label`, `title`: its identifier in the manifest, and its title on the page.
     - `torque`, `rate`: limits of torque and torque rate [n], N m or N, and per second; infinite without a limit.
@@ -279,7 +279,10 @@ ARMS = (
 
 
 def manifest_of_all(begin: Callable[[str, int], None] = lambda name, total: None) -> dict[str, Any]:
-    """Return the manifest of the playground with all arms; `begin` is as in `playground`."""
+    """Return the manifest, the data of a page, for the playground with all arms.
+
+    - `begin`: called before each setting with its name and the number of settings.
+    """
     settings = [
         setting
         for shown in ARMS
@@ -372,10 +375,10 @@ FEW = 3
 def manifest_of_scenario(
     scenario: Scenario, compared: Sequence[str] = (), begin: Callable[[str, int], None] = lambda name, total: None
 ) -> dict[str, Any]:
-    """Return the manifest of one scenario.
+    """Return the manifest, the data of a page, for one scenario.
 
     - `compared`: names of schemes to compare, and `printed` for the law as printed in the paper.
-    - `begin`: as in `playground`.
+    - `begin`: called before each setting with its name and the number of settings.
 
     Raises DefinitionError if a scheme does not exist, or the scenario cannot run in a page.
     """
@@ -386,7 +389,7 @@ def manifest_of_scenario(
 
 
 def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
-    """Return choices of the period and the measurement delay; none unless the law is in sampled-data form."""
+    """Return the choices that a page offers for period and measurement delay; none unless the law is sampled-data."""
     simulation, delay = description.simulation, description.sensor.delay
     if description.scheme.sampled_data is None:
         return []
@@ -401,7 +404,7 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
 
 
 def write_playground(manifest: Mapping[str, Any], out: str | Path) -> Path:
-    """Write the page of a manifest to the folder `out`; return its path.
+    """Write the HTML page for a manifest to the folder `out`; return the path of the page.
 
     Raises DefinitionError if the page cannot be written.
     """

@@ -33,7 +33,8 @@ TEMPLATES = (*STEP, "example.c.j2")
 def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> dict[str, Any]:
     """Return a setting's manifest entries `c_files` and `c_parameters`; both None if the law cannot be exported.
 
-    In the C files, marks replace the defaults of the tunable values, so that the page can insert its own.
+    In the C files, marks such as `@{k1[0]}` replace the defaults of the tunable values. The page inserts the current
+    values there.
     """
     try:
         exported = project(templates.built, name="law", with_golden=False)
@@ -94,9 +95,9 @@ def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
 
 
 def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the verdicts of all certificates on a scenario, but without any simulation runs.
+    """Return the verdicts of all certificates on a scenario, as JSON data; no simulations are run for them.
 
-    - `paths`: paths of the tunable values; each verdict lists those on which it depends.
+    - `paths`: dotted paths of the tunable values; each verdict lists those on which it may depend.
     """
     lights = []
     for certificate, verdict in zip(CERTIFICATES, certify(scenario, runs=0), strict=True):
@@ -117,7 +118,7 @@ def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, 
 
 
 PlacedVariant = tuple[tuple[int, ...], Variant]
-"""A variant with its place before it: for each choice, the index of the variant's value."""
+"""A variant, and before it the index of its value for each choice of the setting."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class ProgramChoice:
 
 @dataclass(frozen=True)
 class PageSetting:
-    """A scenario for a page.
+    """A scenario that a page can show: one arm with one scheme.
 
     - `description`: the scenario.
     - `arm`, `scheme`: identifiers of arm and scheme in the manifest.
@@ -237,7 +238,7 @@ class BuiltSetting:
         }
 
     def beside(self) -> dict[str, Any]:
-        """Return the setting's remaining manifest entries: the law in C, and the certificates unless it is a rival."""
+        """Return the setting's remaining manifest entries: the law in C, and the certificates (none for a rival)."""
         paths = [*(choice.path for choice in self.setting.choices), *(tunable.path for tunable in self.tunables)]
         certified = [] if self.setting.kind == "rival" else certificates_of(self.templates.built, paths)
         return {**c_files(self.family, self.templates, self.tunables), "certificates": certified}
@@ -249,7 +250,7 @@ def _choice(choice: ProgramChoice, described: ScenarioDescription) -> dict[str, 
 
 
 def _varying(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> list[Tunable]:
-    """Return the tunable values that can vary within one compiled loop."""
+    """Return those tunable values that are inputs of one compiled loop: they do not change the compiled code."""
     if not tunables:
         return []
     some = {tunable.path: np.stack([tunable.defaults] * 2) for tunable in tunables}

@@ -32,10 +32,10 @@ NEVER = ("seed", "kind", "lengths", "phase", "attached", "gravity_acceleration",
 """Fields without a slider, such as noise seeds and values that define another arm."""
 
 REACH = 10.0
-"""Without a declared range, a slider extends from the default divided by this ratio to the default times this ratio."""
+"""A slider extends from the default divided by this ratio to the default times it, within the declared range."""
 
 ABOVE = 1.01
-"""Least ratio of a slider's end to another value of the scenario that bounds this slider."""
+"""Ratio by which a slider ends before another value of the scenario that is a bound of the slider's value."""
 
 _END = re.compile(r"^(>=?) (\w+)|^([\[(])\s*([^,]+), ([^\])]+)[\])]")
 
@@ -123,7 +123,7 @@ def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
 
     Some of them may change the compiled code, so that they cannot vary within one program.
 
-    - `description`: the scenario, with its robot resolved.
+    - `description`: the scenario, with the robot's description itself in place of its file name.
     """
     tunables = []
     for path, field in _numbers(description, ""):
@@ -141,7 +141,7 @@ def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
 
 
 def _numbers(place: Any, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield path and declaration of each field below a place that is not a block of fields itself."""
+    """Yield dotted path and declaration of each field below `place`, without those that are blocks of fields."""
     if isinstance(place, BaseModel):
         for name, field in type(place).model_fields.items():
             value = getattr(place, name)

@@ -51,7 +51,8 @@ STRONGEST = 1e6
 class SampledData(AbstractController):
     """A law that is evaluated once a period, for the time when its torque sets in: `τ = τ_step - M0 w` within limits.
 
-    With an adaptation M0 is M̂, and the learnt friction is compensated at the reference's velocity.
+    M0 is the inertia matrix, w the estimated disturbance. With an adaptation M0 is the corrected M̂, and the learnt
+    friction is compensated at the reference's velocity.
 
     At each sample the estimator corrects the nominal arm's prediction, and estimates the acceleration w that the model
     does not explain. The arm is then predicted under the pending commands, the step computes a torque for the predicted
@@ -210,10 +211,7 @@ class SampledData(AbstractController):
     def gated(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: LawMemory
     ) -> tuple[Command, Bool[Array, ""]]:
-        """Return the command for an accepted sample, and True if the gate accepts it.
-
-        For a rejected sample only the gate's memory in the command is meaningful.
-        """
+        """Return the command, and True if the gate accepts the sample; else only `memory.gate` is meaningful."""
         admission, gate = self.gate(
             t, state, memory.t, memory.prior.state.q, self.period, self.estimator.reads_velocity, memory.gate
         )

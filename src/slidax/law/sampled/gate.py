@@ -145,7 +145,7 @@ class MeasurementGate(AbstractPart):
         return cls(**{"q_max": q_max, "speed": speed, "acceleration": acceleration, **known})
 
     def init(self, t: Scalar, state: State, velocity: bool) -> GateMemory:
-        """Return the memory after a first accepted sample at time t [s]; `velocity`: True if velocities are used."""
+        """Return the memory after a first sample at time t [s]; `velocity`: True if the estimator uses velocities."""
         state = _used(state, velocity)
         return GateMemory(
             q=state.q,
@@ -167,7 +167,7 @@ class MeasurementGate(AbstractPart):
         `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a disturbance, not from
         the inertia and friction of the joint.
 
-        - `predicted`: the law's prediction for that time.
+        - `state`, `predicted`: measured state, and the law's prediction of it.
         - `period`: h [s].
         - `velocity`: True if velocities are used.
         """
@@ -187,7 +187,7 @@ class MeasurementGate(AbstractPart):
     ) -> tuple[Admission, GateMemory]:
         """Return the decision about a sample, and the gate's memory after it.
 
-        - `t`: time stamp of the sample [s].
+        - `t`, `state`: time stamp [s] and measured state of the sample.
         - `last`: time stamp of the last accepted sample [s].
         - `predicted`: positions that the law predicted for this sample [n].
         - `period`: h [s].

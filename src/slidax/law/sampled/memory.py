@@ -17,16 +17,16 @@ from .prediction import AdaptationMemory
 
 
 class LawMemory(eqx.Module):
-    """Memory between two samples.
+    """Memory of a sampled-data law between two samples.
 
     - `t`: time of the last sample [s].
     - `prior`: the nominal model's prediction of the next measurement.
     - `estimator`: memory of the estimator.
     - `torques`: pending commands, the oldest first, [m n].
     - `dq`: velocity that is planned for the next sample, [n].
-    - `planned`: True if that plan is valid: no limit withheld any torque.
+    - `planned`: True if this plan is valid, since no limit withheld any torque.
     - `step`: memory of the step.
-    - `adapted`: adaptation state; None without an adaptation.
+    - `adapted`: memory of the adaptation; None without one.
     - `watched`: memory of the monitor; None without a monitor.
     - `gate`: last accepted and last rejected measurements.
     - `accelerations`: planned accelerations of the nominal arm under the pending commands, the oldest first, [d n];

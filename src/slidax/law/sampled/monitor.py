@@ -36,7 +36,7 @@ class MonitorMemory(eqx.Module):
     - `begun`: True after the first sample.
     - `missed`: x, the unplanned part of the led error [n], rad or m.
     - `expected`: planned state at the next sample.
-    - `followed`: planned state of the second filter, which uses positions alone.
+    - `followed`: planned state at the next sample by the second filter, which uses positions alone.
     """
 
     begun: Bool[Array, ""]
@@ -53,8 +53,9 @@ def used_share(y: Vector, share: PerJoint, envelope: Envelope) -> Array:
 class Monitor(AbstractPart):
     """Warn before the error leaves its envelope: the led error leaves its own envelope one horizon earlier.
 
-    By `y⁺ = (1 - r) y + r (A ψ(ε) + Q w)` the led error `y = e + c ė`, `c = H - h/2`, has a part that stays inside for
-    any plan, and a part that comes only from unplanned motion (docs/sampled-data.md). The second part obeys
+    In one period the led error `y = e + c ė`, `c = H - h/2`, moves by the share `r = h/H` towards a place inside its
+    envelope, plus the unplanned motion. It is therefore the sum of a part that stays inside for any plan, and a part x
+    that comes only from unplanned motion (docs/sampled-data.md). The second part obeys
 
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
@@ -133,10 +134,10 @@ class Monitor(AbstractPart):
 
         - `now`: predicted state when this sample's torque sets in.
         - `unseen`: measured minus estimated positions [n], rad or m.
-        - `desired`: desired state then.
+        - `desired`: desired state at that time.
         - `wanted`: acceleration that the step planned [n].
         - `fresh`: True if the last sample was one period ago.
-        - `envelope`: the prescribed envelope, c later [rad or m].
+        - `envelope`: the prescribed envelope at the time c after the torque sets in, rad or m.
         - `learnt`: estimated parameters of the joints; None without an adaptation.
         - `disturbance`: estimated disturbance ŵ [n], rad/s² or m/s².
         - `span`: h and H [s].

@@ -43,11 +43,13 @@ def left_unexplained(
 ) -> Vector:
     """Return the disturbance torque with respect to a changed model [n], N m or N, without friction.
 
-    `M_old w + (M_new - M_old) q̈_d + b_new - b_old`: with it the change of the model does not change the law's torque.
+    It is `M_old w + (M_new - M_old) q̈_d + b_new - b_old`, with the inertia M and the bias b = C q̇ + G of both models:
+    the change of the model then does not change the law's torque.
 
     - `before`, `after`: the arm before and after the change.
     - `changed`: False if only the rotors differ: the model of the links is then evaluated once.
     - `estimate`: estimated state, and the disturbance w with respect to the arm before the change.
+    - `reference`: desired motion, with the acceleration q̈_d.
     """
     assert isinstance(before, Believed)
     assert isinstance(after, Believed)
@@ -63,7 +65,7 @@ def left_unexplained(
 
 
 class Prediction(NamedTuple):
-    """Prediction over the delay.
+    """Prediction of the arm over the delay, from a measurement to the time when its torque sets in.
 
     - `state`: predicted state when this sample's torque sets in.
     - `following`: predicted state at the next measurement; None if it depends on this sample's torque.
@@ -80,6 +82,7 @@ def predict_state(
 ) -> Prediction:
     """Return the prediction under each pending command in turn, with the estimated disturbance.
 
+    - `estimate`: state and disturbance at the measurement.
     - `acceleration`: function that returns the nominal arm's acceleration [n] from its state and the command's age in
       samples.
     - `delay`: age of a measurement when its torque sets in [periods].
@@ -110,8 +113,8 @@ def predict_up_to(
 ) -> Prediction:
     """Return the prediction, as `predict_state`, for a delay that is known only at run time, at most `pending` periods.
 
-    The command of age k acts for `min(max(delay - (k - 1), 0), 1)` periods, which may be 0. `following` is the state
-    at the next measurement or, if it comes earlier, when this sample's torque sets in.
+    The command of k samples ago acts for `min(max(delay - (k - 1), 0), 1)` periods, which may be 0. `following` of the
+    result is the state at the next measurement or, if that is earlier, when this sample's torque sets in.
     """
     accelerations: list[Vector] = []
     now = following = estimate.state
@@ -127,9 +130,9 @@ def predict_up_to(
 
 
 def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:
-    """Return the desired motion a dead time after a sample, with the mean acceleration over the following period.
+    """Return the desired motion a dead time after a sample, with the mean acceleration over the period after that.
 
-    Taylor series with an error of the order of the third derivative times the cube of the dead time.
+    By a Taylor series, whose error is of the order of the third derivative times the cube of the dead time.
 
     - `now`, `following`: desired motion at the sample and one period later.
     - `dead_time`: dead time [periods].
@@ -148,7 +151,7 @@ def reference_ahead(now: Reference, following: Reference, dead_time: float, peri
 
 
 class AdaptationMemory(eqx.Module):
-    """Adaptation state between two samples.
+    """Memory of a sampled-data law's adaptation between two samples.
 
     - `memory`: memory of the adaptation.
     - `friction`: friction compensation in each pending command, the oldest first, [m n].
@@ -161,7 +164,7 @@ class AdaptationMemory(eqx.Module):
 
     @classmethod
     def init(cls, adaptation: AbstractAdaptation, state: State, delay: float) -> AdaptationMemory:
-        """Return the initial state, without friction compensation."""
+        """Return the memory at the start, from the measured state, without friction compensation."""
         friction = jnp.zeros((commands_kept(delay), *state.q.shape), state.q.dtype)
         return cls(memory=adaptation.init(state), friction=friction, recovering=jnp.zeros(()))
 
@@ -194,6 +197,8 @@ def experience_of(
 ) -> Experience:
     """Return the input of the adaptation at a sample.
 
+    - `nominal`: the nominal arm.
+    - `measured`, `estimate`: measured state, and the estimator's result.
     - `tau`: mean torque in the period before the measurement [n], N m or N.
     - `missed`: True if samples were lost before this one.
     """

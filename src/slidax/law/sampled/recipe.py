@@ -28,13 +28,13 @@ from .monitor import Monitor
 class ExplicitStep(AbstractStep):
     """`τ = law(t, q, q̇)`, with the predicted q and q̇ and the reference's mean acceleration over the period.
 
-    A memory with a rate is integrated over the period, and stops while the limits withhold torque. Only the torque
-    limits bound the compensated disturbance, since such a law has no robust torque u.
+    A memory whose rate the law returns is integrated over the period, except while the limits withhold torque. Only the
+    torque limits bound the compensated disturbance, since such a law has no robust torque u.
 
     Signals: those of the law.
     """
 
-    law: AbstractController = piece("the law as it is printed")
+    law: AbstractController = piece("the law in its printed, continuous-time form")
     plans: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
@@ -107,10 +107,12 @@ def sampled_data(
     - `limits`: known limits of torque and torque rate; None for none.
     - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
     - `delay`: age of a measurement when its torque sets in, in periods.
-    - `delay_at_most`: largest delay that can be set while the law runs, in periods; None for a fixed delay.
+    - `delay_at_most`: largest delay that can be set while the law runs, in periods; None: `delay` is fixed.
     - `dead_time`: part of `delay` after the command, in periods.
-    - `slopes`: True if u counts the slope part of τ1, as printed in (45); without it u, and the torque, is smaller.
-    - `calm`: smallest torque changes while the error is well inside its envelope; None for the law's own step.
+    - `slopes`: True to include in τ0 + τ1, from which the size u of the robust torque is computed, the acceleration
+      that keeps s constant, as in the paper's eq. (45). False leaves it out, so that u is smaller.
+    - `calm`: settings of calm steps, which change the torque least while the error is well inside its envelope; None
+      for none.
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.
     - `monitor`: checks at every sample if the guarantee of the envelope still holds; None for none.
     - `gate`: rejects measurements that the arm cannot have produced; None: the gate for the nominal arm.

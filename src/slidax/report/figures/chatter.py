@@ -16,7 +16,9 @@ from .compared import SPAN, Trace, clip_outside, columns_for, legend_rows, linea
 from .style import ROW, WIDTH, column_starts, draw_limit, joint_label, limit_handle, styled, thin_curve, use_time_axis
 
 SWINGS = 15
-"""A swing is compared with this many swings before it, and as many after it."""
+"""A swing is the distance of a turning point from the mean of its neighbours. It is compared with this many swings
+before it, and as many after it.
+"""
 
 SAMPLES = 8.0
 """A torque with more samples between its turning points, on average, does not chatter."""
@@ -52,9 +54,9 @@ def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval
     Swings are measured from the mean of neighbouring turning points, which follows the motion. So the band of a steep
     transient with a ripple is as narrow as the ripple.
 
-    - `t`: increasing [samples], s.
-    - `y`: torque [samples].
-    - `height`: height of the axis.
+    - `t`: increasing times [samples], s.
+    - `y`: torque of one joint [samples].
+    - `height`: height of the figure's axis, in the unit of the torque.
     """
     step = np.diff(y)
     turns = np.flatnonzero(step[1:] * step[:-1] < 0) + 1

@@ -101,7 +101,7 @@ def require_looks(named: Mapping[str, Any]) -> None:
 
 
 def columns_for(curves: int, points: int) -> int:
-    """Return the number of columns that a panel is divided into, for so many `curves`, with `points` per column."""
+    """Return the number of time intervals for thinning, for a figure of `curves` with `points` per interval."""
     return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
@@ -125,7 +125,7 @@ def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[floa
 
 
 def clip_outside(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """Clip the values `y` one axis length outside the `limits` of the axis, so that drawing does not overflow."""
+    """Clip `y` to the axis `limits`, extended by the axis' length at both ends, so that drawing does not overflow."""
     span = limits[1] - limits[0]
     return np.clip(y, limits[0] - span, limits[1] + span)
 
@@ -135,8 +135,8 @@ def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np
 
     Errors that oscillate about zero become lines at their amplitude, which can be distinguished.
 
-    - `t`: increasing [samples].
-    - `size`: values >= 0 [samples].
+    - `t`: increasing times [samples], s.
+    - `size`: absolute values of the error [samples].
     - `columns`: number of intervals.
     """
     if len(t) <= columns:
@@ -155,14 +155,14 @@ def zero_line(axes: Axes) -> None:
 
 
 def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) -> None:
-    """Add a legend to a `figure` with the `names` in the order of `LOOKS`, and `more` handles."""
+    """Add a legend to a `figure`: the `names` of runs, which have the `LOOKS` in order, and `more` handles."""
     handles = [Line2D([], [], **look, label=name) for name, look in zip(names, LOOKS, strict=False)]
     handles += more
     legend_above(figure, handles, columns=-(-len(handles) // legend_rows(len(handles), figure.get_figwidth())))
 
 
 def legend_rows(entries: int, width: float) -> int:
-    """Number of rows of a legend with `entries` in a figure of a `width` [in]."""
+    """Return the number of rows of a legend, for its number of `entries` and the figure's `width` [in]."""
     return -(-entries // max(1, int(width / 1.35)))
 
 
@@ -239,7 +239,7 @@ def compared_errors(
     envelope is drawn faintly if exactly one run has an envelope.
 
     - `runs`: runs of the same arm, with logs, by name.
-    - `bands`: levels of |e| by name, one value per joint [rad or m].
+    - `bands`: levels of |e| to draw as horizontal lines, by name, one value per joint [rad or m].
     - `beginning`: duration of the left panels [s].
 
     Raises DefinitionError if there are no runs, too many, one without a log, or arms with different joints.
@@ -299,8 +299,8 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
     """Tip paths of all schemes over the desired path, seen from above; also from the side if the desired path rises.
 
-    Each path starts at a ring. A path that strays from the desired path by more than that path's size is cut off. A
-    start within twice that size remains visible.
+    Each path starts at a ring. The picture extends beyond the desired path by at most the desired path's size, or twice
+    that to show a start; the rest of a path is cut off.
 
     - `paths`: tip positions [samples 3], m, by name.
     - `desired`: desired tip positions [samples 3], m.
@@ -380,7 +380,7 @@ def metric_bars(
     """
     require_looks(values)
     if len({len(row) for row in values.values()}) != 1:
-        raise DefinitionError("each scheme needs one value per joint, for the same joints")
+        raise DefinitionError("all schemes need the same number of values, one per joint")
     table = np.array([list(row) for row in values.values()], dtype=float)
     drawn = np.where(np.isfinite(table) & (table > 0), table, np.nan)
     across = min(WIDTH, 4.3 + 0.12 * table.size)

@@ -31,9 +31,9 @@ from .style import (
 def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = "") -> Figure:
     """Magnitude and phase of loops over the frequency, up to half of the sampling frequency.
 
-    - `frequencies`: [k], rad/s.
-    - `loops`: frequency responses [k] by name.
-    - `title`: where the loops are broken open.
+    - `frequencies`: frequencies [k], rad/s.
+    - `loops`: complex frequency responses of the open loops [k], by name.
+    - `title`: title of the figure: the point at which the loops are broken open.
     """
     figure = Figure(figsize=(SMALL, 4.0), layout="constrained")
     size, phase = figure.subplots(2, 1, sharex=True)
@@ -62,9 +62,9 @@ def bode(frequencies: np.ndarray, loops: Mapping[str, np.ndarray], title: str = 
 def nyquist(loops: Mapping[str, np.ndarray], disks: Mapping[str, float], title: str = "") -> Figure:
     """Open loops in the complex plane, with the point -1 and the disk of the smallest disk margin around it.
 
-    - `loops`: frequency responses [k] by name.
-    - `disks`: disk margins by name.
-    - `title`: where the loops are broken open.
+    - `loops`: complex frequency responses of the open loops [k], by name.
+    - `disks`: disk margins of the loops, by name.
+    - `title`: title of the figure: the point at which the loops are broken open.
     """
     figure = Figure(figsize=(4.6, 4.4), layout="constrained")
     axes = figure.subplots()

@@ -44,10 +44,10 @@ from .style import (
 
 @styled
 def tracking_error(run: Run, *, window: tuple[float, float] | None = None) -> Figure:
-    """Tracking error by joint: to the left in its envelope, eq. (12), to the right its absolute value, logarithmic.
+    """Tracking error by joint: left in its envelope (eq. (12) of the paper), right its absolute value, logarithmic.
 
     - `run`: run with a log.
-    - `window`: start and end [s]; by default the whole run.
+    - `window`: first and last time to draw [s]; by default the whole run.
 
     Raises DefinitionError if the run has no log.
     """
@@ -217,7 +217,7 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
     """Absolute errors of several runs by joint, on a logarithmic axis, with levels for comparison.
 
     - `runs`: runs with logs, by name.
-    - `levels`: horizontal lines by name, one value per joint [rad or m].
+    - `levels`: heights of horizontal lines by name, one value per joint [rad or m].
 
     Raises DefinitionError if there are no runs, more than five, or one without a log.
     """
@@ -248,9 +248,9 @@ def error_sizes(runs: Mapping[str, Run], *, levels: Mapping[str, Sequence[float]
 
 @styled
 def performance(functions: Mapping[str, AbstractPerformance], t: np.ndarray) -> Figure:
-    """Performance functions ρ(t) on a logarithmic axis.
+    """Performance functions ρ(t), the radii of envelopes over time, on a logarithmic axis.
 
-    - `functions`: functions of one joint, by name.
+    - `functions`: performance functions of one joint each, by name.
     - `t`: times [k], s.
 
     Raises DefinitionError if there are none, more than five, or one with several joints.
@@ -278,7 +278,7 @@ def identified_torques(robot: Articulated, fit: LogFit) -> Figure:
     """Torques by joint: to the left measured and predicted, to the right their difference. The held-out part is shaded.
 
     - `robot`: the identified arm.
-    - `fit`: the log with its prediction.
+    - `fit`: the log, with measured and predicted torques in the band of the identification's filter.
     """
     t, n = fit.t - fit.t[0], robot.joints
     figure = Figure(figsize=(WIDTH, ROW * n + 0.25), layout="constrained")

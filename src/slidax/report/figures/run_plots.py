@@ -23,13 +23,14 @@ class RunPlots:
         run.plot.errors()                  # a figure with a row for each joint
         run.plot.errors(ax=ax)             # all joints in axes of your own
 
-    Each raises DefinitionError if the run has no log.
+    Each returns the figure, or with `ax` these axes; `envelope` always returns the figure. Each raises DefinitionError
+    if the run has no log.
     """
 
     run: Run
 
     def errors(self, ax: Axes | None = None) -> Any:
-        """Draw the tracking errors, rad or m; the envelope only without `ax`."""
+        """Draw the tracking errors, rad or m; without `ax` also the envelope."""
         return tracking_error(self.run) if ax is None else self._overlaid(ax, log_of(self.run).e, "error", "")
 
     def velocity_errors(self, ax: Axes | None = None) -> Any:
@@ -45,7 +46,7 @@ class RunPlots:
         return self._overlaid(ax, log_of(self.run).tau, "torque", None)
 
     def envelope(self, ax: Axes | None = None) -> Any:
-        """Draw each error as a share of its bound."""
+        """Draw the error of each joint as a share of its envelope bound."""
         return envelope_share(self.run, ax=ax)
 
     def _overlaid(self, ax: Axes, values: Any, quantity: str, per: str | None) -> Axes:

@@ -81,7 +81,9 @@ def _few_ticks(axis: Axis) -> None:
 
 @styled
 def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {}) -> Figure:
-    """Histograms of the runs, one panel per quantity; logarithmic if all values are > 0 and span more than 30 to 1.
+    """Histograms of the runs, one panel per quantity.
+
+    An axis is logarithmic if all values are > 0 and the largest is more than 30 times the least.
 
     - `values`: values of all runs by axis label. Non-finite values, and quantities with equal values, are omitted.
     - `limits`: positions of vertical lines, by axis label.
@@ -125,7 +127,7 @@ def histograms(values: Mapping[str, np.ndarray], limits: Mapping[str, float] = {
 
 @styled
 def intervals(names: Sequence[str], values: Mapping[str, np.ndarray]) -> Figure:
-    """One panel per quantity: a mark and an interval for each name, and a line at 0.
+    """One panel per quantity: a row with a mark and an interval for each name, such as a scheme, and a line at 0.
 
     - `names`: names of the rows, from top to bottom.
     - `values`: lower end, value and upper end of each row [names 3], by panel label; NaN for a missing value.
@@ -207,7 +209,7 @@ def parameter_map(axes: Mapping[str, np.ndarray], values: np.ndarray, label: str
     """A line over one parameter, or a map over two, with the contour at a bound.
 
     - `axes`: values of one or two parameters, by label.
-    - `values`: the result at each combination; non-finite values are omitted.
+    - `values`: the result for each combination of the parameters' values [x] or [x y]; non-finite results are omitted.
     - `label`: label of the result, with the unit.
     - `bound`: result that separates good from bad; None for no line.
     """
@@ -248,7 +250,7 @@ def _logarithmic(numbers: np.ndarray, set_scale: Callable[[str], Any], axis: Axi
 
 @styled
 def search_history(history: np.ndarray, label: str, bound: float | None = None) -> Figure:
-    """The worst value so far, over the number of runs.
+    """The worst value that a search has found so far, over the number of runs.
 
     - `history`: number of runs, and worst value so far, after each batch [batches 2].
     - `label`: label of the values, with the unit.
@@ -322,10 +324,10 @@ def benchmark_table(lines: Sequence[RankingLine], share: str, error: str) -> Fig
     - `lines`: the rows, from top to bottom.
     - `share`, `error`: labels of the axes.
 
-    Raises DefinitionError if there is nothing to draw.
+    Raises DefinitionError if there are no rows.
     """
     if not lines:
-        raise DefinitionError("there is nothing to draw: give at least one line")
+        raise DefinitionError("`lines` is empty: give at least one scheme")
     figure = Figure(figsize=(WIDTH, 0.7 + 0.17 * len(lines)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
     color = LINES[0]["color"]

@@ -161,7 +161,7 @@ def use_time_axis(axes: Axes, start: float, end: float) -> None:
 
 
 def use_size_axis(panels: Iterable[Axes], sizes: np.ndarray) -> None:
-    """Set the same logarithmic axis in whole decades for all `panels`, to show nearly all `sizes` (>= 0).
+    """Set the same logarithmic y-axis in whole decades for all `panels`, to show nearly all `sizes` (>= 0).
 
     The absolute value of an error is tiny while the error crosses zero. The lowest 2 % may be below the axis.
     """
@@ -283,7 +283,7 @@ def thin_curve(
 
 
 def column_starts(t: np.ndarray, columns: int) -> np.ndarray:
-    """Return the index of the first sample in each nonempty one of `columns` equal intervals; `t` increases [k]."""
+    """Divide increasing times `t` [k] into `columns` equal intervals; return the first index of each nonempty one."""
     column = np.minimum(((t - t[0]) * (columns / (t[-1] - t[0]))).astype(int), columns - 1)
     return np.flatnonzero(np.diff(column, prepend=-1))
 
@@ -295,7 +295,7 @@ def every_nth(points: np.ndarray, most: int = 160) -> np.ndarray:
 
 
 def off_lines(points: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return a mask of the `points` [k 2] to keep: lines through these miss no other by more than the `tolerance` [k].
+    """Return a mask [k] of the `points` [k 2] to keep; a polyline through these misses no other by over `tolerance`.
 
     Douglas and Peucker's algorithm (1973).
     """
@@ -318,7 +318,7 @@ def off_lines(points: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _off_lines(x: np.ndarray, y: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return a mask of the points to keep: lines through these miss no other by more than the tolerance in y."""
+    """Return a mask of the points to keep; a polyline through these misses no other by over `tolerance` in y."""
     keep = np.zeros(len(x), bool)
     keep[[0, -1]] = True
     open_ends = [(0, len(x) - 1)]

@@ -39,7 +39,7 @@ class PayloadMotion:
     visible: np.ndarray
 
     def corners(self, frames: np.ndarray) -> np.ndarray:
-        """Return the corners of the box in some `frames` (a mask), in the base frame [points 3], m."""
+        """Return the box's corners in all frames of the mask `frames`, in the base frame [points 3], m."""
         turned = self.solid.vertices @ self.rotations[frames].transpose(0, 2, 1)
         return (turned + self.positions[frames, None]).reshape(-1, 3)
 
@@ -136,7 +136,7 @@ class SceneStage:
         return np.array([0.0, 0.0, self.height])
 
     def points(self, points: np.ndarray) -> np.ndarray:
-        """Transform `points` [k 3], m, from the base frame."""
+        """Return `points` [k 3], m, of the base frame in the frame of the scene."""
         return points @ self.rotation.T + self.base
 
 
@@ -203,7 +203,10 @@ def _points(skeleton: Skeleton, motion: SampledRun, payload: PayloadMotion | Non
 
 
 def camera_for(corners: np.ndarray, look: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return camera position, target and diameter for `corners` [k 3], m; `look` is the unit vector to the camera."""
+    """Return camera position, target and scene diameter that show all `corners` [k 3], m.
+
+    - `look`: unit vector from the target to the camera.
+    """
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     offsets = corners - middle
     right = np.array([-look[1], look[0], 0.0]) / np.hypot(look[0], look[1])
@@ -231,7 +234,7 @@ class Drawing:
 
     - `skeleton`, `motion`, `stage`: joint frames, poses over time, and the surroundings.
     - `solids`: shapes of the arm; the stand belongs to body 0.
-    - `payload`, `table`: None if there is none.
+    - `payload`, `table`: motion of the payload, and solid of the table; None if the plant has none.
     - `torque_limits`: largest torque of each joint [n], N m or N; infinite if unlimited.
     """
 

@@ -56,7 +56,7 @@ class PayloadNode:
 
     - `server`: displays the scene.
     - `name`: name of the node, below the base of the true arm.
-    - `payload`: its box and motion.
+    - `payload`: box and motion of the payload.
     """
 
     def __init__(self, server: viser.ViserServer, name: str, payload: PayloadMotion) -> None:
@@ -74,10 +74,10 @@ class PayloadNode:
 
 
 class Scene:
-    """The stage with both arms.
+    """The browser's scene: both arms, payload, table, ground and tip paths.
 
     - `server`: displays the scene.
-    - `drawing`: its content.
+    - `drawing`: content of the scene.
     - `beside`: place the reference beside the true arm, not over it.
     """
 
@@ -146,7 +146,7 @@ def _add_ground(server: viser.ViserServer, stage: SceneStage) -> None:
 
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    """Scalar first, [k 4]."""
+    """Return rotation matrices [k 3 3] as unit quaternions [k 4], scalar first."""
     return Rotation.from_matrix(rotations).as_quat(scalar_first=True).astype(np.float32)
 
 
@@ -207,7 +207,7 @@ class ReplayChart:
         self._chart.remove()
 
     def _data(self, now: float) -> tuple[np.ndarray, ...]:
-        """Return the chart's data. All curves share the times, so the vertical line adds two equal times."""
+        """Return times and curves of the chart, which share the times: the line at `now` adds two equal times."""
         times = self._curves[0]
         index = int(np.searchsorted(times, now))
         axis = np.insert(times, index, [now, now])

@@ -26,16 +26,16 @@ SECTIONS = 32
 
 
 def box(sides: np.ndarray, colour: Colour, rotation: np.ndarray, center: np.ndarray) -> Solid:
-    """A box.
+    """Return a box as a solid on body 0.
 
-    - `sides`: lengths [3], m.
-    - `rotation`, `center`: its axes as columns [3 3], and its centre [3], m.
+    - `sides`: lengths of the sides [3], m.
+    - `rotation`, `center`: the box's axes as columns [3 3], and its centre [3], m.
     """
     return solid(0, trimesh.creation.box(extents=sides), colour, frame(rotation, center))
 
 
 def drum(radius: float, height: float) -> trimesh.Trimesh:
-    """A cylinder along z about the origin with chamfered edges; `radius` and `height` in m."""
+    """Return a cylinder along z about the origin with chamfered edges; `radius` and `height` in m."""
     edge = 0.12 * min(radius, height)
     half = height / 2
     profile = [[0, -half], [radius - edge, -half], [radius, edge - half]]
@@ -46,11 +46,11 @@ def drum(radius: float, height: float) -> trimesh.Trimesh:
 def bone(
     start: np.ndarray, end: np.ndarray, start_radius: float, end_radius: float, *, flat: bool = False
 ) -> trimesh.Trimesh:
-    """A tapered rod with round ends.
+    """Return a tapered rod with round ends.
 
-    - `start`, `end`: ends of its axis [3], m.
+    - `start`, `end`: ends of the rod's axis [3], m.
     - `start_radius`, `end_radius`: radii at these ends, m.
-    - `flat`: make the start flat.
+    - `flat`: True for a flat start.
     """
     length = float(np.linalg.norm(end - start))
     quarter = np.linspace(0, np.pi / 2, 7)
@@ -90,7 +90,7 @@ def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[So
 
     - `skeleton`: skeleton of the arm.
     - `travel`: largest distance of each joint from 0 in a run [n], rad or m; the rod of a prismatic joint is that long.
-    - `size`: size of the workspace, m.
+    - `size`: diameter of the visible scene, m; in a large scene the shapes are thicker.
     """
     radii = _radii(skeleton, size)
     solids: list[Solid] = []
@@ -112,7 +112,7 @@ def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[So
 
 
 def tip_axes(skeleton: Skeleton) -> list[Solid]:
-    """Axes of the tip frame of a `skeleton`: x red, y green, z blue."""
+    """Return the axes of a `skeleton`'s tip frame as rods: x red, y green, z blue."""
     at = frame(skeleton.tip_rotation, skeleton.tip_translation)
     long = 0.055 * skeleton.reach
     arrows = [bone(np.zeros(3), axis * long, 0.055 * long, 0.055 * long) for axis in np.eye(3)]
@@ -120,7 +120,7 @@ def tip_axes(skeleton: Skeleton) -> list[Solid]:
 
 
 def stand(skeleton: Skeleton, stage: SceneStage, *, foot: bool) -> list[Solid]:
-    """Column from the ground to the base, placed behind an arm that swings past its first joint.
+    """Return the column from the ground to the base, placed behind an arm that swings past its first joint.
 
     - `skeleton`, `stage`: the arm and its surroundings.
     - `foot`: add a foot also where the base is on the ground; meshes have their own.
@@ -145,7 +145,7 @@ def stand(skeleton: Skeleton, stage: SceneStage, *, foot: bool) -> list[Solid]:
 
 
 def slab(stage: SceneStage) -> Solid | None:
-    """Return the table of a `stage`; None without a table."""
+    """Return the table of a `stage` as a solid; None without a table."""
     if stage.table is None:
         return None
     low, high = stage.table
@@ -175,7 +175,7 @@ LARGEST_GAP = 1e-4
 
 
 def find_urdf(skeleton: Skeleton) -> Path | None:
-    """Find the URDF with the joint names of a `skeleton` in the package `example-robot-data`, if installed."""
+    """Return the URDF in the package `example-robot-data` with the joints of a `skeleton`; None without one."""
     for folder in _folders():
         for path in sorted(folder.glob("*/urdf/*.urdf")):
             # A search in the text rules out most files without parsing XML.
@@ -186,11 +186,12 @@ def find_urdf(skeleton: Skeleton) -> Path | None:
 
 
 def mesh_solids(skeleton: Skeleton, path: Path, *, tools: bool) -> list[Solid]:
-    """Read the meshes of a URDF and attach them to the bodies of the robot; empty if no mesh file exists.
+    """Return the shapes of a URDF as solids on the bodies of the robot; empty if no mesh file exists.
 
     One `DefinitionWarning` names the meshes that are missing or unreadable.
 
-    - `tools`: include links behind fixed joints, such as a hand, which may not belong to the robot.
+    - `skeleton`, `path`: skeleton of the robot, and its URDF.
+    - `tools`: True to draw also links behind fixed joints, such as a hand, which may not belong to the robot.
 
     Raises DefinitionError if the file has no visual shapes, or belongs to another robot.
     """

@@ -60,9 +60,9 @@ def show(
     - `title`: title of the page.
     - `urdf`: a URDF of this robot, whose meshes are drawn. Without it they come from the package
       `example-robot-data` if that is installed and has this robot; otherwise plain shapes are drawn.
-    - `plain`: draw plain shapes in any case.
+    - `plain`: True to draw plain shapes in any case.
     - `host`, `port`: address of the server; only this machine can reach it by default, and port 0 takes any free port.
-    - `open_browser`: open the page.
+    - `open_browser`: True to open the page in the default browser.
 
     Raises DefinitionError if the run has no log, the robot is unknown or does not fit, or a package is missing.
     """
@@ -80,7 +80,7 @@ def require_show() -> None:
 
 
 class Player(threading.Thread):
-    """The clock of a replay, which restarts at the end.
+    """Thread with the clock of a replay, which restarts at the end.
 
     - `start_time`, `end_time`: times at which the run starts and ends [s].
     - `show`: called from this thread with each new time [s].
@@ -170,7 +170,7 @@ class View:
         self._player.seek(t)
 
     def play(self, playing: bool = True) -> None:
-        """Play if `playing`, else pause."""
+        """Start the replay if `playing`, else pause it."""
         import viser
 
         self._player.playing = playing
@@ -297,7 +297,7 @@ def record(
     - `out`: the file, NAME.html.
     - `speed`: speed of the replay, > 0; 0.25 is slow motion.
     - `frames_per_second`: > 0; a recording has at most 6000 frames, so a long recording has fewer per second.
-    - `beside`: draw the reference beside the true arm, not over it.
+    - `beside`: True to draw the reference beside the true arm, not over it.
 
     Raises DefinitionError if the file has another ending, the run has no log, the robot is unknown, or a package is
     missing.
@@ -306,7 +306,7 @@ def record(
     require_record(out)
     for name, value in (("speed", speed), ("frames_per_second", frames_per_second)):
         if not 0 < value < float("inf"):
-            raise DefinitionError(f"`{name}` must be > 0; got {value:g}")
+            raise DefinitionError(f"`{name}` must be > 0 and finite; got {value:g}")
     rate = frames_per_second / speed
     drawing = draw(run, plant, rate=rate, most=RECORDED_FRAMES, title=title, urdf=urdf, plain=plain)
     page = _recording(drawing, speed, beside)

@@ -40,7 +40,8 @@ class Skeleton:
 
     - `parents`: index of the previous joint, -1 for the base.
     - `rotations`, `translations`: pose of each frame in its parent's frame at joint position 0 [n 3 3], [n 3], m.
-    - `tip_joint`, `tip_rotation`, `tip_translation`: joint of the tip, and the tip's pose in its frame [3 3], [3], m.
+    - `tip_joint`: index of the joint that carries the tip.
+    - `tip_rotation`, `tip_translation`: pose of the tip in this joint's frame [3 3], [3], m.
     - `revolute`, `names`: True for each revolute joint; names of the joints.
     - `up`: direction against gravity in the base frame [3].
     """
@@ -75,7 +76,7 @@ class Skeleton:
         return float(np.sum(np.linalg.norm(steps, axis=1)))
 
     def poses(self, q: np.ndarray) -> Poses:
-        """Forward kinematics at positions `q` [k n], rad or m. In NumPy: compiling would take longer."""
+        """Return the bodies' poses at joint positions `q` [k n], rad or m. In NumPy: compiling would take longer."""
         angles, slides = np.where(self.revolute, q, 0.0), np.where(self.revolute, 0.0, q)
         rotations = np.tile(np.eye(3), (len(q), self.joints + 1, 1, 1))
         positions = np.zeros((len(q), self.joints + 1, 3))
@@ -88,7 +89,7 @@ class Skeleton:
         return Poses(rotations, positions)
 
     def tips(self, poses: Poses) -> np.ndarray:
-        """Tip positions [k 3], m, for `poses`."""
+        """Return the tip positions [k 3], m, for `poses` of the bodies."""
         return poses.points(self.tip_joint + 1, self.tip_translation)
 
 
@@ -100,7 +101,10 @@ def _about_z(angles: np.ndarray) -> np.ndarray:
 
 
 def skeleton(robot: AbstractRobot, q: Any) -> np.ndarray:
-    """Return points of a `robot` at positions `q` [n], from base to tip [points 3], m; equal neighbours appear once."""
+    """Return the polyline of a `robot` at joint positions `q` [n]: base, joint origins and tip [points 3], m.
+
+    Neighbours at the same position appear once.
+    """
     bones = skeleton_of(robot)
     poses = bones.poses(np.asarray(q)[None])
     joints = np.array(bones.chain) + 1
@@ -184,9 +188,10 @@ LARGEST = 1e6
 
 @dataclass(frozen=True)
 class SampledRun:
-    """A run at the frames of a replay.
+    """A run at the frames of a replay, which are evenly spaced in time.
 
-    - `t`: evenly spaced times [k], s.
+    - `t`: times of the frames [k], s.
+    - `actual`, `desired`: poses of the true arm's bodies, and of the reference's.
     - `actual_tip`, `desired_tip`: tip positions [k 3], m.
     - `travel`: largest distance of each joint from 0 [n], rad or m.
     """
@@ -199,13 +204,13 @@ class SampledRun:
     travel: np.ndarray
 
     def frame(self, t: float) -> int:
-        """Number of the frame nearest to time `t` [s]."""
+        """Return the index of the frame nearest to time `t` [s]."""
         share = (t - self.t[0]) / (self.t[-1] - self.t[0])
         return int(np.clip(np.rint(share * (len(self.t) - 1)), 0, len(self.t) - 1))
 
 
 def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledRun:
-    """Interpolate the log of a run linearly in joint space.
+    """Return the poses of true arm and reference at evenly spaced times, from the log by linear joint interpolation.
 
     - `run`: a run with a log.
     - `skeleton`: the skeleton of its robot.

@@ -37,7 +37,8 @@ class Solid:
 
     - `body`: body that carries them, 0 for the base.
     - `vertices`: [v 3], m, in the body's frame.
-    - `faces`: vertex indices [f 3].
+    - `faces`: vertex indices of the triangles [f 3].
+    - `colour`: red, green and blue, 0 to 255.
     """
 
     body: int
@@ -56,7 +57,7 @@ class Solid:
 
 
 def merge_solids(solids: list[Solid]) -> list[Solid]:
-    """Join `solids` with the same body and colour, so that the browser moves few objects."""
+    """Return the `solids`, those with the same body and colour joined, so that the browser moves few objects."""
     groups: dict[tuple[int, Colour], list[Solid]] = {}
     for solid in solids:
         groups.setdefault((solid.body, solid.colour), []).append(solid)

@@ -1,4 +1,4 @@
-"""MCAP files: write a log, read one back, and read the records of damaged or hostile files."""
+"""MCAP files: write a log, read it back, and read the records of any MCAP file, even if it is damaged or hostile."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from .messages import Channels, Message
 
 
 def require_package(module: str, package: str, task: str) -> Any:
-    """Import a module of a package that a task needs.
+    """Import a module, and return it.
+
+    - `package`, `task`: the package to install and the task that needs it, for the error.
 
     Raises DefinitionError with the remedy if it is not installed.
     """
@@ -47,7 +49,7 @@ def require_reader() -> Any:
 
 
 MOST_BYTES = 8000 * MEGABYTE
-"""Largest file [bytes]."""
+"""Size of the largest file that is read [bytes]."""
 
 MOST_OF_A_CHUNK = 256 * MEGABYTE
 """Largest unpacked chunk [bytes]; writers end a chunk after a few MB."""
@@ -62,10 +64,10 @@ _SCHEMA, _CHANNEL, _MESSAGE, _PRIVATE = 3, 4, 5, 0x80
 
 @dataclass
 class Contents:
-    """Records of a file, up to its end or to the first damaged record.
+    """Records of an MCAP file, up to its end or to the first damaged record.
 
     - `bodies`: undecoded messages by topic.
-    - `topics`: all topics.
+    - `topics`: all topics, also those without messages.
     - `others`: metadata and attachments, as objects of `mcap`.
     - `complete`: True if the file has an end record.
     """
@@ -250,12 +252,14 @@ class _Sink:
 
 
 class LogWriter:
-    """Writes messages in chunks that are complete once flushed, so that a truncated file can be read.
+    """Writer of a log to an MCAP file, and to a local server for live viewers such as Foxglove.
+
+    A truncated file can be read up to its last flush.
 
     - `path`: the file; None for live data only.
-    - `channels`: messages of the log.
-    - `metadata`: metadata of the run, as texts.
-    - `attachments`: files by name, including `scenario.yaml`.
+    - `channels`: content of the log, from which its message types follow.
+    - `metadata`: metadata of the run, as texts by name.
+    - `attachments`: contents of attached files by name, including `scenario.yaml`.
     - `start`: wall-clock time of t = 0 [ns].
     - `port`: port of a live-data server on this machine; None for no server.
 
@@ -284,7 +288,9 @@ class LogWriter:
             try:
                 self._server = foxglove.start_server(name="slidax", host="127.0.0.1", port=port, context=context)
             except Exception as error:
-                raise DefinitionError(f"cannot start a server at 127.0.0.1:{port}: {error}") from None
+                raise DefinitionError(
+                    f"cannot start a server at 127.0.0.1:{port}: {error}; choose another port"
+                ) from None
         self._file: Any = None
         self._sink: _Sink | None = None
         if path is not None:
@@ -306,16 +312,16 @@ class LogWriter:
         self._arm = [(message, _open_channel(foxglove, message, context)) for message in channels.arm()]
 
     def law(self, columns: Columns) -> None:
-        """Write messages of the law.
+        """Write the law's messages for some commands.
 
-        - `columns`: arrays by name, one row per command.
+        - `columns`: arrays by column name, one row per command; `t` has the times [s].
         """
         self._write(self._law, columns, columns["t"])
 
     def arm(self, columns: Columns) -> None:
-        """Write messages of a simulated arm.
+        """Write the messages of a simulated arm for some ticks.
 
-        - `columns`: arrays by name, one row per tick.
+        - `columns`: arrays by column name, one row per tick; `true_t` has the times [s].
         """
         self._write(self._arm, columns, columns["true_t"])
 
@@ -367,10 +373,10 @@ def _open_channel(foxglove: Any, message: Message, context: Any) -> Any:
 class SavedLog:
     """Content of an MCAP file written by slidax.
 
-    - `metadata`: metadata of the run, as texts.
-    - `attachments`: files by name.
-    - `law`: columns with one row per command of the law; signals as `signal:NAME`.
-    - `arm`: columns with one row per tick of a simulated arm; no rows for a real arm.
+    - `metadata`: metadata of the run, as texts by name.
+    - `attachments`: contents of attached files by name.
+    - `law`: arrays by column name, one row per command of the law; signals as `signal:NAME`.
+    - `arm`: arrays by column name, one row per tick of a simulated arm; no rows for a real arm.
     - `complete`: False if the file has no end record, as after a crash of the writer.
     """
 
@@ -394,15 +400,17 @@ class SavedLog:
         Raises DefinitionError if it is missing or damaged.
         """
         if SCENARIO not in self.attachments:
-            raise DefinitionError(f"`{self.path}` does not contain `{SCENARIO}`")
+            raise DefinitionError(f"`{self.path}` does not contain `{SCENARIO}`: record or run it again")
         try:
             return self.attachments[SCENARIO].decode()
         except UnicodeDecodeError:
-            raise DefinitionError(f"`{self.path}` is damaged: its `{SCENARIO}` is no UTF-8 text") from None
+            raise DefinitionError(
+                f"`{self.path}` is damaged: its `{SCENARIO}` is no UTF-8 text; record or run it again"
+            ) from None
 
     @property
     def files(self) -> dict[str, bytes]:
-        """Files that the scenario refers to, by name: all attachments except the scenario."""
+        """Contents of the files that the scenario refers to, by name: all attachments except the scenario."""
         return {name: content for name, content in self.attachments.items() if name != SCENARIO}
 
 

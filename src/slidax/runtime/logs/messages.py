@@ -1,4 +1,4 @@
-"""ROS 2 messages of a log and the channels that carry them (CDR, vectorised over time)."""
+"""ROS 2 messages of a log, the channels that carry them, and their CDR encoding."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _FRAME = f"{_HEADER}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstrin
 
 @dataclass(frozen=True)
 class MessageField:
-    """A field of a message: a number or an array of numbers.
+    """A field of a ROS 2 message: a number or an array of numbers.
 
-    - `kind`: one of `DTYPES`.
+    - `kind`: number type, one of `DTYPES`.
     - `count`: array length; None for a scalar.
     - `sequence`: True if the length precedes the array, as for ROS arrays of variable length.
     - `column`: name of its column in a log; "" if it equals `name`.
@@ -36,15 +36,15 @@ class MessageField:
 
     @property
     def key(self) -> str:
-        """Name of the field's column."""
+        """Name of the field's column in a log."""
         return self.column or self.name
 
 
 @dataclass(frozen=True)
 class Message:
-    """A message type and its topic.
+    """A ROS 2 message type and its topic.
 
-    - `type`: such as `sensor_msgs/msg/JointState`.
+    - `type`: name of the type, such as `sensor_msgs/msg/JointState`.
     - `fields`: fields after the header and the names.
     - `names`: joint names for the field `name`; no such field if empty.
     """
@@ -97,10 +97,10 @@ class Message:
         return b"\0\1\0\0" + bytes(body), positions
 
     def packed(self, stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> list[bytes]:
-        """Return messages, encoded as CDR.
+        """Return m messages, encoded as CDR.
 
-        - `stamps`: times of the messages [ns], [m].
-        - `columns`: values of each field by column; the first axis is the message.
+        - `stamps`: times of the messages [ns], shape (m,).
+        - `columns`: values of each field, by the name of its column; the first axis is the message.
         """
         blank, positions = self._layout
         rows = np.tile(np.frombuffer(blank, np.uint8), (len(stamps), 1))
@@ -113,7 +113,9 @@ class Message:
         return [encoded[k : k + size] for k in range(0, len(encoded), size)]
 
     def unpacked(self, messages: Sequence[bytes]) -> dict[str, np.ndarray]:
-        """Return the columns of messages from `packed`, by name.
+        """Decode messages from `packed`; return the values of each field, by the name of its column.
+
+        The first axis of an array is the message.
 
         Raises ValueError if a message has another size.
         """
@@ -136,7 +138,11 @@ def _bytes(numbers: np.ndarray, dtype: str) -> np.ndarray:
 
 
 def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Message:
-    """`sensor_msgs/JointState` whose position, velocity and effort have these columns in a log."""
+    """Return the type `sensor_msgs/JointState` for a topic.
+
+    - `names`: joint names.
+    - `columns`: names of the log's columns with the positions, velocities and efforts, in this order.
+    """
     fields = tuple(
         MessageField(name, "float64", len(names), True, column)
         for name, column in zip(("position", "velocity", "effort"), columns, strict=True)
@@ -169,10 +175,10 @@ MOST = 10_000
 
 @dataclass(frozen=True)
 class Channels:
-    """Content of a log.
+    """Content of a log of a control law and an arm, from which its message types follow.
 
     - `joints`, `units`: joint names and units of their positions.
-    - `signals`: the law's signals with their sizes; None for a scalar.
+    - `signals`: names of the law's signals, and their sizes; None for a scalar.
     - `bounded`: True if the law has an envelope.
     - `bits`: names of the status bits, lowest bit first.
     """
@@ -184,7 +190,7 @@ class Channels:
     bits: tuple[str, ...]
 
     def law(self) -> list[Message]:
-        """Messages written for each command of the law."""
+        """Message types that are written for each command of the law."""
         n = len(self.joints)
         reference = tuple(MessageField(_READABLE[name], "float64", n, column=name) for name in REFERENCE)
         torque = (
@@ -230,7 +236,7 @@ class Channels:
         ]
 
     def arm(self) -> list[Message]:
-        """Messages written for each tick of a simulated arm."""
+        """Message types that are written for each tick of a simulated arm."""
         n = len(self.joints)
         return [
             joint_state("/truth", self.joints, ("true_q", "true_dq", "set_tau")),
@@ -250,7 +256,7 @@ class Channels:
         ]
 
     def as_text(self) -> str:
-        """JSON, as stored in a log."""
+        """Return this object as JSON, as it is stored in a log's metadata."""
         return json.dumps(
             {
                 "joints": self.joints,
@@ -263,7 +269,7 @@ class Channels:
 
     @classmethod
     def of_text(cls, text: str) -> Channels:
-        """Parse the output of `as_text`.
+        """Return the object that the output of `as_text` describes.
 
         Raises ValueError for anything else.
         """
@@ -278,7 +284,7 @@ class Channels:
             raise ValueError("its list of channels is malformed")
         sizes = [*map(len, lists), len(signals), *(size for size in signals.values() if size is not None)]
         if not all(isinstance(size, int) and 0 <= size <= MOST for size in sizes):
-            raise ValueError(f"its list of channels has more than {MOST} entries")
+            raise ValueError(f"its list of channels has a size that is not an integer from 0 to {MOST}")
         joints, units, bits = map(tuple, lists)
         return cls(joints, units, signals, bounded, bits)
 
@@ -287,5 +293,5 @@ class Channels:
 
 
 def names_of_bits(bits: Sequence[str], status: int) -> list[str]:
-    """Names of the bits that are set in `status`; `bits` has the names of all bits, lowest bit first."""
+    """Return the names of the bits that are set in `status`; `bits` has the names of all bits, lowest bit first."""
     return [name for bit, name in enumerate(bits) if status >> bit & 1]

@@ -27,10 +27,10 @@ OWN = "/truth"
 
 @dataclass(frozen=True)
 class JointStates:
-    """Joint states of a topic.
+    """Joint states on one topic of a recording.
 
-    - `messages`: messages as mappings, decoded one by one.
-    - `notes`: sentences about skipped content.
+    - `messages`: `sensor_msgs/JointState` messages as nested dictionaries, decoded one by one.
+    - `notes`: sentences about the chosen topic and about content that was not read.
     """
 
     topic: str
@@ -39,10 +39,10 @@ class JointStates:
 
 
 def read_joint_states(path: str | Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
-    """Return the joint states in an MCAP file from any writer.
+    """Return the joint states on one topic of an MCAP file from any writer.
 
     - `topic`: the topic; by default `/joint_states`, or the only topic whose first messages have the joints.
-    - `joints`: names that the messages must have.
+    - `joints`: joint names by which the topic is chosen, if `topic` is None.
 
     Raises DefinitionError if the file cannot be read, has no such messages or several topics with them, or a package is
     missing.
@@ -64,12 +64,14 @@ def choose_topic(
     decode: Any,
     notes: Sequence[str],
 ) -> JointStates:
-    """Return the joint states of the requested topic, or of the only one that has the joints.
+    """Return the joint states on the requested topic; without a request, on `/joint_states` or the only suitable topic.
 
-    - `source`: name of the log, for errors.
-    - `bodies`: undecoded messages by topic.
-    - `topics`: all topics of the log.
+    - `source`: name of the recording, for errors.
+    - `bodies`: undecoded joint-state messages by topic.
+    - `topics`: all topics of the recording.
+    - `topic`: the requested topic; None: a topic whose first messages have all `joints`.
     - `decode`: decodes a message to an object.
+    - `notes`: notes on the recording, to which the choice is added.
 
     Raises DefinitionError if no topic or several topics qualify.
     """
@@ -132,7 +134,9 @@ def _decoded(source: str, messages: Sequence[bytes], decode: Any) -> Iterator[di
 
 
 def decoder() -> Any:
-    """Return a decoder of joint states by slidax's own definition, since the definition in a file may be wrong.
+    """Return a function that decodes a CDR-encoded `sensor_msgs/JointState` message to an object.
+
+    It uses slidax's own definition of the type, since the definition in a file may be wrong.
 
     Raises DefinitionError if its package is missing.
     """
@@ -153,7 +157,7 @@ LONGEST_MESSAGE = MEGABYTE
 
 
 def read_bag(path: str | Path, topic: str | None = None, joints: Sequence[str] = ()) -> JointStates:
-    """Return the joint states in a `ros2 bag` folder, or in one of its `.db3` databases.
+    """Return the joint states on one topic of a `ros2 bag` folder, or of one of its `.db3` databases.
 
     Reads MCAP and SQLite storage, also compressed with zstd. Without a readable `metadata.yaml`, which ros2 bag writes
     at the end of a recording, the folder's files are read in the order of their numbers.
@@ -195,7 +199,9 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
         listed = sorted(files, key=lambda file: (_number(file), file.name))
     missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
     if missing:
-        raise DefinitionError(f"`{path.name}` lacks the file `{plain_name(missing[0])}`, which its `{METADATA}` names")
+        raise DefinitionError(
+            f"`{path.name}` lacks the file `{plain_name(missing[0])}`, which its `{METADATA}` names: copy it there"
+        )
     if not listed:
         raise DefinitionError(
             f"`{path}` is not a ros2 bag folder: it has neither `{METADATA}` nor a {' or '.join(ENDINGS)} file"
@@ -236,7 +242,8 @@ def _unpacked(file: Path, folder: str) -> Path:
                 while part := stream.read(MEGABYTE):
                     if out.tell() > most:
                         raise DefinitionError(
-                            f"`{file.name}` unpacks to more than {most / MEGABYTE:.3g} MB: use `zstd -d` first"
+                            f"`{file.name}` unpacks to more than {most / MEGABYTE:.3g} MB, the limit for a file of "
+                            "this size: unpack it first, by `zstd -d`"
                         )
                     out.write(part)
         except zstandard.ZstdError as error:
@@ -250,7 +257,7 @@ def _states_in_database(file: Path) -> tuple[dict[str, list[bytes]], set[str]]:
     require_file(file, most=MOST_BYTES)
     if file.suffix != ".db3":
         raise DefinitionError(
-            f"`{plain_name(file.name)}` has an unknown storage format; known: {' and '.join(ENDINGS)}"
+            f"`{plain_name(file.name)}` has an unknown storage format; known file endings: {' and '.join(ENDINGS)}"
         )
     bodies: dict[str, list[bytes]] = {}
     try:

@@ -33,7 +33,7 @@ FOLDER = resources.files("slidax.studies.benchmark") / "tasks"
 
 
 class CasesDescription(AbstractDescription):
-    """Random cases."""
+    """Number and seed of random cases."""
 
     cases: int = input_field("number of cases", "", "[1, 1e6]")
     seed: Annotated[int, Field(ge=0, lt=2**63)]
@@ -41,14 +41,14 @@ class CasesDescription(AbstractDescription):
 
 
 class BenchmarkTask(AbstractDescription):
-    """A task, the same for all schemes."""
+    """A task of the benchmark: scenario, tolerance band and uncertainty, the same for all schemes."""
 
     title: str
     """Title in one line."""
     about: list[str]
-    """The difficulties of the task."""
+    """The difficulties of the task, such as `friction` or `delay`."""
     source: str
-    """Source of the numbers."""
+    """Source of the arm's data and of the other numbers."""
     scenario: dict[str, Any]
     """A scenario without a scheme."""
     sampled_data: dict[str, Any] = Field(default={})
@@ -58,13 +58,13 @@ class BenchmarkTask(AbstractDescription):
     uncertainty: Uncertainty
     """Sets of values unknown to every law, as in a scenario."""
     training: CasesDescription
-    """Cases for the tuner."""
+    """Cases on which the tuner compares gains."""
     held_out: CasesDescription
-    """Cases for the score."""
+    """Cases on which the tuned schemes are scored."""
 
 
 def names() -> list[str]:
-    """List the names of the tasks."""
+    """Return the names of the tasks, in alphabetical order."""
     return sorted(Path(entry.name).stem for entry in FOLDER.iterdir() if entry.name.endswith(".yaml"))
 
 
@@ -84,7 +84,7 @@ def task(name: str) -> BenchmarkTask:
 
 
 FACTOR = 30.0
-"""Range of the gains of a user's scheme: its own values divided and multiplied by this factor."""
+"""Gains of a user's scheme are searched from their own values divided by this factor to those multiplied by it."""
 
 TUNABLE = ("one number", "one number or [n]", "[n]")
 
@@ -93,14 +93,14 @@ class GainDescription(AbstractDescription):
     """Range of a tuned gain, searched log-uniformly."""
 
     between: tuple[float, float]
-    """The ends."""
+    """The ends of the range, before they are scaled."""
     times: Literal["nothing", "inertia", "strength", "period"] = "nothing"
     """Scale of the ends. `inertia`: diagonal of the nominal inertia matrix at the start, joint by joint; `strength`:
     norm of the drives' torque limits; `period`: the sample time."""
 
 
 class SchemeGains(AbstractDescription):
-    """Tuned and fixed gains of a scheme of this package, by path in the scheme."""
+    """Tuned and fixed gains of a scheme of this package, by dotted path in the scheme."""
 
     tuned: dict[str, GainDescription]
     """Ranges of gains tuned in both forms."""
@@ -109,20 +109,26 @@ class SchemeGains(AbstractDescription):
     sampled_data: dict[str, GainDescription] = Field(default={})
     """Ranges of gains tuned only in sampled-data form."""
     fixed: dict[str, Any] = Field(default={})
-    """Fixed values."""
+    """Values of gains that are not tuned."""
     fixed_sampled_data: dict[str, Any] = Field(default={})
-    """Fixed values in sampled-data form only."""
+    """Values of gains that are not tuned, in sampled-data form only."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Tuned and fixed gains in one form, by path in the scheme."""
+    """Tuned and fixed gains of a scheme in one form, by dotted path in the scheme.
+
+    - `tuned`: ranges of the gains to tune.
+    - `fixed`: values of the other gains.
+    """
 
     tuned: dict[str, GainDescription]
     fixed: dict[str, Any]
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """Return the sets of the tuned gains by path, scaled for an arm.
+        """Return the sets of the tuned gains by path in the scenario, scaled for its arm.
+
+        - `base`: description of the scenario.
 
         Raises DefinitionError if a range scales with torque limits that the arm does not have.
         """
@@ -137,6 +143,9 @@ def _listed() -> dict[str, SchemeGains]:
 
 def gains_of(scheme: str, preset: Preset, form: str) -> Gains:
     """Return the gains of a scheme: those of `gains.yaml`, else every declared positive parameter.
+
+    - `scheme`, `preset`: name of the scheme, and its law with all parts.
+    - `form`: `sampled-data` or `printed`.
 
     Raises DefinitionError if there is no gain to tune.
     """
@@ -194,7 +203,9 @@ def _set(gain: GainDescription, base: ScenarioDescription) -> AbstractSet:
     elif gain.times == "strength":
         torque = np.broadcast_to(np.asarray(moving.drive.limits().torque), moving.state0.q.shape)
         if not np.isfinite(torque).all():
-            raise DefinitionError("a gain scales with the drives' torque limits, but the task has none")
+            raise DefinitionError(
+                "a gain scales with the drives' torque limits, and the task has none: set `actuator.torque`"
+            )
         scale = float(f"{np.linalg.norm(torque):.3g}")
     elif gain.times == "period":
         scale = base.simulation.period
@@ -207,14 +218,15 @@ FORMS: tuple[Form, ...] = ("sampled-data", "printed")
 """Forms of a scheme: with the common estimator, learning, prediction and limits, or as its source prints it."""
 
 COMMON_NAMES = {("computed_torque", "sampled-data"): "computed_torque + disturbance observer"}
-"""Better known names, by scheme and form."""
+"""Names in tables that are better known than the scheme's own, by scheme and form."""
 
 
 @dataclass(frozen=True)
 class BenchmarkEntry:
-    """A `scheme` in a `form`.
+    """A scheme that takes part in the benchmark, in one form.
 
     - `scheme`: a name of `slidax list schemes`, or `package.module:Name` of a preset or a controller class.
+    - `form`: `sampled-data` or `printed`.
     """
 
     scheme: str
@@ -222,17 +234,17 @@ class BenchmarkEntry:
 
     @property
     def name(self) -> str:
-        """Name in tables."""
+        """Name of the scheme in tables."""
         return COMMON_NAMES.get((self.scheme, self.form), self.scheme.rpartition(":")[2])
 
     @property
     def file(self) -> str:
-        """Stem of the entry's file names."""
+        """Name of the entry's files, without suffix."""
         return f"{self.scheme.replace(':', '.')}--{self.form}"
 
     @cached_property
     def preset(self) -> Preset:
-        """The law with its parts.
+        """The law of the scheme, with its parts and their values.
 
         Raises DefinitionError if the scheme does not exist.
         """
@@ -259,7 +271,7 @@ class BenchmarkEntry:
         return Path(inspect.getfile(self.preset.law)) if ":" in self.scheme else None
 
     def gains(self) -> Gains:
-        """Return the tuned and fixed gains."""
+        """Return the scheme's tuned and fixed gains in this form."""
         return gains_of(self.scheme, self.preset, self.form)
 
     def described(self, task: BenchmarkTask) -> ScenarioDescription:

@@ -20,9 +20,10 @@ class Score:
     """Score of an `entry` on the held-out cases of a task.
 
     - `inside`, `interval`: share of cases that never left the tolerance band, with Clopper and Pearson's interval.
-    - `failed`: share of lost cases.
-    - `medians`: medians of each metric over the cases that were not lost; None if all were.
-    - `behind`: p-value of McNemar's test against the largest share, adjusted by Holm's method over the task's schemes.
+    - `failed`: share of lost cases, as in `TaskResult.failed`.
+    - `medians`: median of each metric over the cases that were not lost, by key; None if all were lost.
+    - `behind`: p-value of McNemar's test against the scheme with the largest share inside, adjusted by Holm's method
+      over the task's schemes; small if this share is significantly smaller.
     """
 
     entry: BenchmarkEntry
@@ -34,7 +35,7 @@ class Score:
 
     @property
     def leads(self) -> bool:
-        """True if its share is not significantly smaller than the largest."""
+        """True if the share of cases inside is not significantly smaller than the task's largest."""
         return self.behind >= 1.0 - CONFIDENCE
 
 
@@ -42,7 +43,7 @@ class Score:
 class Ranking:
     """Ranking of the schemes on a `task`.
 
-    - `scores`: the best first: leading schemes by their steady error, then the others by their share.
+    - `scores`: the best first: leading schemes by their median steady error, then the others by their share inside.
     - `p_value`: p-value of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
     - `by`: criterion that ranks the first scheme before the second: `steady error` or `share inside`.
     """
@@ -59,7 +60,7 @@ class Ranking:
 
 
 def ranking(task: str, results: Mapping[BenchmarkEntry, TaskResult]) -> Ranking:
-    """Rank the schemes on a `task` by their `results`."""
+    """Return the ranking of the schemes on a `task`, by their `results`."""
     if not results:
         return Ranking(task, (), 1.0, "")
     shares = {entry: float(result.inside.mean()) for entry, result in results.items()}
@@ -82,7 +83,7 @@ def ranking(task: str, results: Mapping[BenchmarkEntry, TaskResult]) -> Ranking:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Adjust p-values of several tests to bound the family-wise error rate (S. Holm, 1979)."""
+    """Return the p-values of several tests, adjusted to bound the family-wise error rate (S. Holm, 1979)."""
     order = np.argsort(p_values, kind="stable")
     adjusted, highest = np.ones(len(p_values)), 0.0
     for rank, test in enumerate(order):
@@ -111,11 +112,11 @@ def _sortable(value: float | None) -> float:
 
 @dataclass(frozen=True)
 class Overall:
-    """A scheme over all tasks.
+    """Summary of a scheme over all tasks.
 
-    - `tasks`: number of its tasks.
+    - `tasks`: number of tasks on which it ran.
     - `best`, `leads`: number of tasks on which the scheme is first, and on which it leads.
-    - `inside`, `failed`: shares of cases, averaged over the tasks.
+    - `inside`, `failed`: shares of cases inside the tolerance band, and of lost cases, averaged over the tasks.
     - `error`: median steady error relative to the least on each task, geometric mean; None without results.
     - `step`: median steady torque step relative to the least on each task, geometric mean; None without results.
     """
@@ -130,12 +131,16 @@ class Overall:
     step: float | None
 
     def numbers(self) -> dict[str, float | int | None]:
-        """Return all fields but the scheme, by name."""
+        """Return all fields except `entry`, by name."""
         return {name: value for name, value in vars(self).items() if name != "entry"}
 
 
 def rank_overall(tables: Sequence[Ranking], entries: Sequence[BenchmarkEntry]) -> list[Overall]:
-    """Summarise the schemes over all tasks, sorted by the number of tasks on which they lead, then by share inside."""
+    """Return a summary of each scheme over all tasks, sorted by tasks on which it leads, then by share inside.
+
+    - `tables`: rankings of the tasks.
+    - `entries`: the schemes; one without results is left out.
+    """
     summaries = [each for each in (_of(entry, tables) for entry in entries) if each is not None]
     return sorted(summaries, key=lambda each: (-each.leads, -each.inside))
 

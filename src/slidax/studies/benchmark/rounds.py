@@ -33,19 +33,20 @@ KEPT = ("steady_error", "peak_torque", "max_torque_step", "steady_torque_step", 
 """Metrics stored for each held-out case, of its worst joint."""
 
 Tuner = Callable[[Callable[[NDArray[Any]], NDArray[Any]], int, int], NDArray[Any]]
-"""Maps an objective on the unit cube, its dimension and a budget of points to the best point."""
+"""Function of an objective on the unit cube, its dimension and a budget of points; returns the best point."""
 
 
 @dataclass(frozen=True)
 class TaskResult:
     """Result of a scheme on a task.
 
-    - `gains`: tuned gains, by path.
-    - `cost`: mean of `costs` over the training cases.
+    - `gains`: tuned gains, by dotted path.
+    - `cost`: mean of `costs` over the training cases, with the tuned gains.
     - `inside`: True if the held-out case never left the tolerance band [cases].
-    - `failed`: True if the case was lost: it ended early, or its steady error exceeds the band's initial bound [cases].
+    - `failed`: True if the held-out case was lost: it ended early, or its steady error exceeds the tolerance band's
+      initial radius [cases].
     - `metrics`: the metrics in `KEPT`, by name [cases].
-    - `seconds`: wall-clock time.
+    - `seconds`: wall-clock time for tuning and scoring.
     """
 
     gains: dict[str, Any]
@@ -61,7 +62,8 @@ def run_task(
 ) -> TaskResult:
     """Tune a scheme on a task's training cases, and score it on the held-out cases.
 
-    - `budget`: largest number of points for the tuner.
+    - `tuner`: searches for the best gains, as points of the unit cube.
+    - `budget`: largest number of gain sets that the tuner may try.
     - `threads`: threads of the native engine.
 
     Raises DefinitionError if the scheme does not fit the task.
@@ -95,7 +97,7 @@ def run_task(
 
 
 def draw_cases(family: Family, cases: CasesDescription) -> Values:
-    """Draw the uncertain values of each case."""
+    """Return the uncertain values drawn for the cases: an array for each path, whose first axis is the case."""
     space = family.uncertain
     return space.values(points(cases.seed, 0, cases.cases, space.dimensions))
 
@@ -114,25 +116,25 @@ class Scale:
 
     @classmethod
     def of(cls, family: Family) -> Scale:
-        """Return the scales of a family.
+        """Return the scales of a task, from its family of scenarios.
 
         Raises DefinitionError if its scenarios have no tolerance band.
         """
         tolerance = family.base.tolerance
         if tolerance is None:
-            raise DefinitionError("a task of the benchmark needs a tolerance band")
+            raise DefinitionError("a task of the benchmark needs a tolerance band: set `tolerance`")
         performance: Any = tolerance.build().performance
         torque = family.base.moving().drive.limits().torque
         return cls(*(float(np.max(np.asarray(each))) for each in (performance.initial, performance.final, torque)))
 
 
 def mark_inside(columns: Columns) -> NDArray[np.bool_]:
-    """Return True for each case that reached its end and never left the tolerance band."""
+    """Return a mask of the cases that reached their end and never left the tolerance band [cases]."""
     return (columns["tolerance_violations"] == 0) & ~np.isin(columns["outcome"], ENDED)
 
 
 def mark_failures(columns: Columns, scale: Scale) -> NDArray[np.bool_]:
-    """Return True for each lost case: it ended early, or its steady error exceeds the band's initial bound."""
+    """Return a mask of the cases that ended early, or whose steady error exceeds the band's initial radius [cases]."""
     return np.isin(columns["outcome"], ENDED) | ~(columns["steady_error"] <= scale.initial)
 
 
@@ -141,8 +143,10 @@ def costs(columns: Columns, scale: Scale) -> NDArray[Any]:
 
     - Inside the tolerance band: `½ √(e/ρ∞) + ½ √(Δτ/τ_max)`, at most 1, with the worst joint's steady error e and
       steady torque step Δτ.
-    - Outside: `1 + min(8, -m) + n/(n + 100)`, below 10, with the margin m and n samples outside.
-    - For a run that ended at t: `20 - t/(1 s + t)`.
+    - Outside: `1 + min(8, -m) + n/(n + 100)`, below 10, with the tolerance margin m and n samples outside.
+    - For a run that ended early, at time t: `20 - t/(1 s + t)`.
+
+    ρ∞ and τ_max are `scale.final` and `scale.torque`.
     """
     error = np.sqrt(np.minimum(columns["steady_error"] / scale.final, 1.0))
     step = np.sqrt(np.minimum(columns["steady_torque_step"] / scale.torque, 1.0))
@@ -159,7 +163,7 @@ SEED = 7
 
 
 def tune_gains(objective: Callable[[NDArray[Any]], NDArray[Any]], dimension: int, budget: int) -> NDArray[Any]:
-    """Return the best gains of spread points and CMA-ES (`search_lowest`), as a point of the unit cube.
+    """Return the point of the unit cube with the best gains, by spread points and CMA-ES (`search_lowest`).
 
     - `objective`: maps points [points, dimension] to costs [points].
     - `budget`: largest number of points.
@@ -177,11 +181,16 @@ BUDGET = 48
 Key = tuple[str, BenchmarkEntry]
 """A task's name and an entry."""
 OnResult = Callable[[str, BenchmarkEntry, float], None]
+"""Function of a task's name, an entry, and the time in which its result was computed [s]."""
 
 
 @dataclass(frozen=True)
 class BenchmarkRound:
-    """A round of the benchmark: `tasks` by name, `entries`, and the tuner's `budget` of gain sets."""
+    """A round of the benchmark, in which every entry is tuned and scored on every task.
+
+    - `tasks`: the tasks, by name.
+    - `budget`: number of gain sets that the tuner may try for each entry and task.
+    """
 
     tasks: Mapping[str, BenchmarkTask]
     entries: Sequence[BenchmarkEntry]
@@ -205,11 +214,11 @@ class BenchmarkRound:
     def run(
         self, out: str | Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
     ) -> RoundResults:
-        """Run every entry on every task; results that are already in the folder are read.
+        """Tune and score every entry on every task, and return all results; those that the folder has are read.
 
         - `out`: folder for the results; None stores nothing.
         - `processes`: number of parallel processes; None for one per core; 0 for this process.
-        - `on_result`: called after each new result, with its computing time.
+        - `on_result`: called after each new result with task name, entry and computing time [s].
         """
         results: dict[Key, TaskResult | str] = {}
         left: list[Key] = []
@@ -275,14 +284,14 @@ class BenchmarkRound:
 class RoundResults:
     """Results of a `round`.
 
-    - `by_key`: result by task and entry, or a message if the scheme cannot run on the task.
+    - `by_key`: result by task name and entry; a text with the reason if the scheme cannot run on the task.
     """
 
     round: BenchmarkRound
     by_key: Mapping[Key, TaskResult | str]
 
     def on(self, task: str) -> dict[BenchmarkEntry, TaskResult]:
-        """Return the results on a `task`, without schemes that cannot run."""
+        """Return the results on a `task` by entry, without entries that cannot run on it."""
         results = {entry: self.by_key.get((task, entry)) for entry in self.round.entries}
         return {entry: result for entry, result in results.items() if isinstance(result, TaskResult)}
 

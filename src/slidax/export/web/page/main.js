@@ -37,7 +37,7 @@ class Page {
     const under = kind => () => beside(this.playground.withScheme(this.session.a, this.playground.schemeOf(this.session.a.arm, kind)), true);
     byId("keep").addEventListener("click", () => {
       beside(this.session.a, false);
-      this.say("What is shown is kept as B; the sliders move A.");
+      this.say("This run is kept as B; the sliders change A.");
     });
     byId("printed").addEventListener("click", under("printed"));
     byId("rival").addEventListener("click", under("rival"));

@@ -161,8 +161,8 @@ export class Pictures {
       pen.stroke();
     });
     const most = found[0] ? found[0].reduce((a, b) => Math.max(a, b), 0) : NaN;
-    canvas.setAttribute("aria-label", `How near the run comes to its envelope, 1 being a bound: at most ${shownNumber(most, 2)}.`);
-    canvas.title = "How near the joint that is nearest comes to its envelope, over time; the line is the bound.";
+    canvas.setAttribute("aria-label", `Error relative to the bound of its envelope, for the joint nearest to its bound: at most ${shownNumber(most, 2)}.`);
+    canvas.title = "Error relative to the bound of its envelope over time, for the joint nearest to its bound; the line is the bound.";
   }
 
   at(t) {
