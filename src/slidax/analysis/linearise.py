@@ -131,9 +131,10 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         slow = (np.asarray(robot.coulomb) > 0) & (np.abs(carry.state.dq) < SLOW * np.asarray(robot.smoothing))
         if slow.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, slow, strict=True) if applies)
+            units = " or ".join({f"{u}/s": 0 for u, applies in zip(robot.joint_units, slow, strict=True) if applies})
             notes.append(
                 f"Coulomb friction of {joints} counts as damping, `coulomb/smoothing` at rest: this holds only for "
-                f"velocities below {float(robot.smoothing):g} rad/s"
+                f"velocities below {float(robot.smoothing):g} {units}"
             )
     drive = loop.plant.actuator
     if drive is not None and carry.actuator is not None:

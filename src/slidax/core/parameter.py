@@ -96,7 +96,13 @@ class Range:
         return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
 
     def holds(self, part: object, values: np.ndarray) -> np.ndarray:
-        """Return True for each value inside the range, broadcast against ends that are other parameters of the part."""
+        """Return a Boolean array: True for each value inside the range.
+
+        An end may be an expression over other parameters, such as `4 - 2 * gain`. Its value is broadcast with `values`.
+
+        - `part`: supplies the values of those parameters.
+        - `values`: values to check.
+        """
         lower, upper = self.ends
         low, high = lower.value(part), upper.value(part)
         above = values > low if lower.open else values >= low

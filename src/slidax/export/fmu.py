@@ -1,4 +1,7 @@
-"""A scenario's law as a Functional Mock-up Unit (FMI 2.0 and 3.0) for co-simulation."""
+"""A scenario's law as a Functional Mock-up Unit (FMI 2.0 and 3.0) for co-simulation.
+
+Its variables and their units are in `fmu_variables`.
+"""
 
 from __future__ import annotations
 
@@ -139,9 +142,10 @@ def this_platform() -> str:
 def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
     """Return the platforms to build for.
 
-    - `names`: names in FMI 3.0; None for all platforms, or without ziglang for this machine's platform.
+    - `names`: platform names in FMI 3.0, such as `x86_64-linux`. None selects all platforms if ziglang, the
+      cross-compiler, is installed, and else this machine's platform.
 
-    Raises DefinitionError if a name is unknown or has no compiler.
+    Raises DefinitionError if a name is unknown, or a platform has no compiler.
     """
     for name in names or ():
         if name not in NAMES:

@@ -85,7 +85,9 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return `ψ(ε)` and its derivative, [n]: the led error over its radius, which is `now` or `ahead`.
+        """Return `ψ(ε)`, a led error over its radius, and its derivative with respect to ε, [n] each.
+
+        Multiplied by `now` or `ahead` it is the led error `y = e + c ė` at that time. Without an envelope ψ(ε) = ε.
 
         - `eps`: transformed error [n].
         """

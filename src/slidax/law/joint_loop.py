@@ -90,7 +90,10 @@ class LinearLoop:
 
     @property
     def bandwidth(self) -> float:
-        """Bandwidth ω of the estimator [rad/s]: `L3 h² = (ω h)³` for a Kalman filter, `ω = g/h` for `Measured`."""
+        """Bandwidth of the estimator [rad/s]: `∛(L3 h²)/h` for a Kalman filter, `g/h` for `Measured`.
+
+        L3 h² is the third of the `gains`, g the first, and h the period.
+        """
         gain, _, three = self.gains
         return (gain if self.measures_velocity else float(np.cbrt(three))) / self.h
 

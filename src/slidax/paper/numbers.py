@@ -75,11 +75,11 @@ def parts_of(scenario: Scenario) -> Parts:
 
 
 def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
-    """Return values for the paper's bounds (47) of the inverse inertia: those of the law, and those of the arm.
+    """Return the paper's bounds (47) of the inverse inertia, and the arm's own values, in one flat dictionary.
 
-    The law has `m1`, `m2` and `gamma`. The arm has the ranges of the `eigenvalues` of `M⁻¹(q)`, of its `spectral` and
-    its `frobenius` norm, and `mismatch`, the largest `‖M⁻¹M0 - I‖`. The ranges are over q2 alone, since the inertia of
-    both arms depends only on q2.
+    `m1`, `m2` and `gamma` are the law's. The others are the arm's, over q2 in [-π, π], since the inertia of both arms
+    depends only on q2: `eigenvalues`, `spectral` and `frobenius` are [least, largest] of the eigenvalues and of both
+    norms of M⁻¹, and `mismatch` is the largest `‖M⁻¹M0 - I‖` in the spectral norm.
 
     - `scenario`: one of the examples.
     """

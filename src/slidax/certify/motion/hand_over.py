@@ -154,10 +154,13 @@ class HandOver:
             return float(np.max(np.linalg.norm(torque, axis=1)) / np.float64(self.covered))
 
     def first_sliding(self, led: Floats, velocity: Floats, along: HandOverCells) -> Floats:
-        """Return a bound of |s| at the first sample [n], where s is measured: `|v̂| + |N - A|/(H N) |y| + φ(ε)`.
+        """Return a bound of the sliding variable |s| at the first sample [n], rad/s or m/s.
+
+        There s is computed from the measurement: `|s| <= |v̂| + |N - A|/(H N) |y| + φ(ε)` with `ψ(ε) = |y|/N`, where N
+        and A are the envelope's scale now and at the end of the plan, and H is the horizon.
 
         - `led`: bound of the led error |y| at the first sample [n].
-        - `velocity`: bound of |v̂| there, the estimate of ė [n].
+        - `velocity`: bound of |v̂|, the estimate of ė, at the first sample [n].
         - `along`: the plan in each cell.
         """
         shares = led / along.now[0]

@@ -147,10 +147,8 @@ class Kernel:
         Raises DefinitionError if the number of inputs, a shape or a dtype differs from the program's.
         """
         if self.lanes > 1:
-            spread = [
-                np.asarray(array)[None] if entry.varying else array
-                for array, entry in zip(inputs, self.inputs, strict=True)
-            ]
+            checked = checked_inputs(self.program, inputs, None)
+            spread = [own[None] if entry.varying else own for own, entry in zip(checked, self.inputs, strict=True)]
             return [array[0] for array in self.batch(spread, 1, rows, threads=1)]
         arrays = self._contiguous(inputs, None)
         outputs = self._empty(None, rows)

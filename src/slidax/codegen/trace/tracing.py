@@ -231,7 +231,8 @@ def located_tracing_errors() -> Iterator[None]:
         if "item assignment" in message:
             message, remedy = "an array cannot be changed in place", IN_PLACE
         elif "__format__" in message:
-            message, remedy = "a number is not known while the law is traced", "print by `jax.debug.print`"
+            message = "a number is not known while the law is traced"
+            remedy = "remove the print, or print by `jax.debug.print` in runs with XLA only"
         raise DefinitionError(f"{place}{type(error).__name__}: {message}{': ' if remedy else ''}{remedy}") from error
 
 
