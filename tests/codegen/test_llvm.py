@@ -69,7 +69,7 @@ def test_results_have_the_same_bits_at_every_optimisation_level(monkeypatch, lev
 @pytest.mark.parametrize("lanes", LANES)
 def test_a_wrong_number_of_inputs_is_refused(lanes):
     program = RandomProgram(0, size=16).finish()
-    with pytest.raises(DefinitionError, match="the program has .* inputs; got 0"):
+    with pytest.raises(DefinitionError, match="inputs; got 0"):
         llvm.compile(program, lanes)([])
 
 
