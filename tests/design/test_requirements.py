@@ -33,7 +33,7 @@ def changed(folder: Path, **changes: Any) -> Path:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trajectory": None}, "the requirements need either `trajectory` or `workspace`"),
+        ({"trajectory": None}, "one of the blocks `trajectory` and `workspace`"),
         ({"requirement": {}}, "unknown key `requirement`; did you mean `requirements`"),
         ({"requirements": {"accuracy": -1}}, "requirements.accuracy: must be > 0, or `best`"),
         (

@@ -257,7 +257,7 @@ def test_csv_errors_name_line_and_column(text, words):
     [
         (["shoulder", "elbow", "wrist"], r"the text lacks the joint `wrist`; there are: `shoulder`, `elbow`\. If the"),
         (["shoulder", "elbov"], "the text lacks the joint `elbov`; did you mean `elbow`?"),
-        (["hip", "knee"], r"lacks the joints `hip`, `knee`; .* list its names of `hip`, `knee`, in this order, as"),
+        (["hip", "knee"], r"lacks the joints `hip`, `knee`; .* list the file's names, in this order, as"),
         (["joint 1", "joint 2", "joint 3"], "moves 2 joints, `shoulder`, `elbow`, but the robot has 3"),
         (["shoulder", "elbow", "elbow"], "`joints` has the joint `elbow` more than once"),
     ],

@@ -160,7 +160,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"disturbance.scale": {"choice": [1, 2], "weights": [1]}}, "2 numbers"),
     ({"disturbance.scale": {"choice": [1, 2], "weights": [0, 0]}}, "not all 0"),
     ({"sensor.seed": {"choice": [0.5]}}, "whole number"),
-    ({"disturbance.scale": {"inside": "envelope"}}, "is for `start`"),
+    ({"disturbance.scale": {"inside": "envelope"}}, "only for the path `start`"),
     ({"start": {"inside": "envelope", "share": 1.5}}, "< 1"),
     ({"start": {"inside": "box"}}, "envelope"),
     ({"scheme.surface.k1": {"around": "20 %"}}, "is a setting of the law or simulation"),

@@ -393,7 +393,7 @@ REFUSED = [
     (
         "sweep",
         {"over": {"disturbance.scale": {"between": [0, 1]}}, "uncertainty": {}, "cases": 5},
-        "cases: needs a scenario",
+        "cases: greater than 1 needs uncertain values",
     ),
     ("falsify", {"uncertainty": {}}, "uncertainty: is empty"),
     ("falsify", {"worst": "steady_eror"}, "did you mean `steady_error`"),

@@ -120,7 +120,7 @@ def test_unreachable_pose_is_an_error_with_the_distance():
 @pytest.mark.parametrize(
     ("message", "how"),
     [
-        ("panda_joint4 is at 1, and has", {"start": [0, 0, 0, 1, 0, 1, 0]}),
+        ("panda_joint4 is at 1, its limits are", {"start": [0, 0, 0, 1, 0, 1, 0]}),
         ("`start` must be 7 finite numbers", {"start": [0, 0]}),
         ('hold: must be "place"', {"start": home("panda"), "hold": "everything"}),
     ],
