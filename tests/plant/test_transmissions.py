@@ -261,7 +261,11 @@ def test_a_study_varies_friction_and_stiffness():
     [
         (ARM, {"simulation.integrator": "rk4"}, "integrator: semi_implicit_euler"),
         (ARM, {"transmission.elasticity.stiffness": 1e8}, "substeps` to at least"),
-        (ARM, {"transmission.friction": None, "transmission.elasticity": None}, "must have `friction`, `elasticity` or both"),
+        (
+            ARM,
+            {"transmission.friction": None, "transmission.elasticity": None},
+            "must have `friction`, `elasticity` or both",
+        ),
         (ARM, {"transmission.friction.static": 0.1}, "transmission.friction: `LuGre.static` must be >= `coulomb`"),
         (ARM, {"transmission.friction.coulomb": [1, 2, 3]}, "must be one number or one for each of the 2 joints"),
         (ARM, {"transmission.elasticity.inertia": None}, "set `transmission.elasticity.inertia`"),
