@@ -35,8 +35,8 @@ def run_verdict(scenario: Scenario, run: Run) -> RunVerdict:
     facts = tuple(_facts(scenario, run))
     if not outcome.ok:
         return RunVerdict(False, outcome.message, facts)
-    bounds = {"envelope": envelope_margin(run) if run.has_envelope else None, "tolerance band": tolerance_margin(run)}
-    bounds = {name: margins for name, margins in bounds.items() if margins is not None}
+    both = {"envelope": envelope_margin(run) if run.has_envelope else None, "tolerance band": tolerance_margin(run)}
+    bounds = {name: margins for name, margins in both.items() if margins is not None}
     if not bounds:
         return RunVerdict(True, "The run reached its end; its controller has no envelope.", facts)
     for name, margins in bounds.items():
