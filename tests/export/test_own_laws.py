@@ -213,7 +213,7 @@ class SignalsAWord(Wrong):
 
 REMEDIES = {
     Assigns: "`x = x.at[i].set(value)`",
-    KeepsInItself: "keep what changes in the memory",
+    KeepsInItself: "keep varying values in its memory",
     KeepsOutside: "a compiled law keeps its first value",
     Prints: "jax.debug.print",
     Misspells: "no attribute 'gain'",

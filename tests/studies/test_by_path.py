@@ -72,7 +72,7 @@ def test_a_metric_without_a_derivative_is_refused_with_the_nearest_metric(scenar
         scenario.grad("stedy_error", GAIN)
     with pytest.raises(DefinitionError, match="no metric with a derivative `envelope_violations`"):
         scenario.grad("envelope_violations", GAIN)
-    with pytest.raises(DefinitionError, match="compiled into the loop"):
+    with pytest.raises(DefinitionError, match="compiled into the simulation loop"):
         scenario.grad("rms_error", "simulation.period")
 
 

@@ -127,5 +127,5 @@ def test_set_that_is_not_affine_is_refused_and_a_band_is_certified() -> None:
 
 
 def test_sets_that_change_more_than_the_whole_inertia_are_refused() -> None:
-    with pytest.raises(DefinitionError, match="needs less than 1: make the sets narrower"):
+    with pytest.raises(DefinitionError, match="make the uncertainty sets narrower"):
         certified_law(scenario({"robot.plant.load.mass": {"between": [1.0, 30.0]}}))

@@ -198,7 +198,7 @@ def test_bars_are_grouped_by_joint_and_missing_values_are_dashes(tmp_path):
     assert [label.get_text() for label in axes.get_xticklabels()] == ["joint 1", "joint 2"]
     assert figures.save(figure, tmp_path / "bars.svg").stat().st_size < LIMIT
     figures.to_svg(figures.metric_bars({"one": [0.0, float("inf")]}, "IAE"), "empty")
-    with pytest.raises(DefinitionError, match="same joints"):
+    with pytest.raises(DefinitionError, match="one per joint"):
         figures.metric_bars({"one": [1.0], "two": [1.0, 2.0]}, "IAE")
 
 
