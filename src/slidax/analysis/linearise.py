@@ -131,7 +131,7 @@ def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[
         slow = (np.asarray(robot.coulomb) > 0) & (np.abs(carry.state.dq) < SLOW * np.asarray(robot.smoothing))
         if slow.any():
             joints = ", ".join(name for name, applies in zip(robot.joint_names, slow, strict=True) if applies)
-            units = " or ".join({f"{u}/s": 0 for u, applies in zip(robot.joint_units, slow, strict=True) if applies})
+            units = " or ".join(dict.fromkeys(f"{unit}/s" for unit in np.array(robot.joint_units)[slow]))
             notes.append(
                 f"Coulomb friction of {joints} counts as damping, `coulomb/smoothing` at rest: this holds only for "
                 f"velocities below {float(robot.smoothing):g} {units}"
