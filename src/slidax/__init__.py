@@ -1,19 +1,19 @@
-"""Sliding-mode control of robot arms in JAX: one law, written once, simulated, batched, differentiated.
+"""Sliding-mode control of robot arms in JAX. A control law is written once, then simulated, certified and exported.
 
     import slidax as sx
 
     scenario = sx.scenarios.load("example-4.1")
     run = scenario.simulate()
 
-Importing it makes JAX compute with 64 bits, unless `JAX_ENABLE_X64` is set or JAX has arrays already.
+Importing slidax makes JAX compute with 64 bits, unless `JAX_ENABLE_X64` is set or JAX has arrays already.
 
-Its subpackages, from the bottom up; each is imported when it is first used:
+The subpackages, from the bottom up; each is imported when it is first used:
 
-- `core` (types, parameters, checks) and `codegen` (a JAX function as C, machine code, WebAssembly);
-- `arms`, `motions`, `plant` (the world) and `law` (the controllers);
-- `simulation` (the loop), `scenarios` (the loop as a file), `identify` (an arm from a log);
-- `analysis`, `certify`, `studies`, `design` (what a law can do, before and after a run);
-- `report`, `paper`, `export`, `runtime`, `studio`, `cli` (pages, the reproduction, robots, tools).
+- `core` (types, parameters, checks) and `codegen` (C, machine code and WebAssembly from JAX functions);
+- `arms`, `motions` (references), `plant` (sensors, drives, disturbances) and `law` (controllers);
+- `simulation` (the closed loop), `scenarios` (a closed loop as a YAML file), `identify` (an arm from a log);
+- `analysis` (metrics), `certify` (guarantees), `studies` (many runs, tuning), `design` (a law from requirements);
+- `report` (figures and pages), `paper` (reproduction), `export` (C code), `runtime` (laws on robots), `studio`, `cli`.
 """
 
 from __future__ import annotations

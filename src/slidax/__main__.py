@@ -1,4 +1,4 @@
-"""`python -m slidax`, where the command itself is not on the path."""
+"""Entry point of `python -m slidax`, for environments in which the command `slidax` is not on the path."""
 
 from slidax.cli.app import main
 

@@ -19,7 +19,7 @@ from .run_record import RunRecord
 
 @dataclass(frozen=True)
 class Remedy:
-    """A proposed remedy.
+    """A proposed change with which a run may keep its envelope, or a guarantee may hold.
 
     - `words`: the proposal in words.
     - `changes`: new values by dotted path of the scenario file, such as `sensor.resolution`; empty for a remedy outside
@@ -99,7 +99,7 @@ def slower_motion(record: RunRecord) -> list[Remedy]:
 def data_sheet_limit(record: RunRecord, name: str) -> np.ndarray:
     """Return a limit of each joint from the nominal arm's description [n]; 0 for a joint without this limit.
 
-    - `name`: `torque` or `torque_rate`.
+    - `name`: `torque` (N m or N) or `torque_rate` (N m/s or N/s).
     """
     robot = record.nominal
     if not isinstance(robot, Articulated | Coupled):

@@ -44,7 +44,7 @@ MOST_TRIED = 4
 
 @dataclass(frozen=True)
 class Explanation:
-    """A cause and its remedy.
+    """A cause for which a run left its envelope, and its remedy.
 
     - `finding`: the evidence in the log.
     - `remedy`: the first remedy with which the run keeps its envelope, or the first of all if none helps; None if the
@@ -85,10 +85,11 @@ class Explanation:
 def explain(
     scenario: Scenario, run: Run | RunRecord, *, tries: bool = True, seconds: float = math.inf
 ) -> list[Explanation]:
-    """Return the causes that the log shows, the likeliest first; empty if the run kept its envelope or none shows.
+    """Return the causes that a run's log shows, the likeliest first; empty if the run kept its envelope.
 
-    Causes are sorted by their weight. The remedies of up to `MOST_TRIED` causes are then tried in simulation, until the
-    run keeps its envelope with one of them. The cause with that remedy then comes first.
+    The list is also empty if the log shows no cause. Causes are sorted by their weight (`Finding`). The remedies of up
+    to `MOST_TRIED` causes are then tried in simulation, until the run keeps its envelope with one of them. The cause
+    with that remedy then comes first.
 
     - `scenario`: the scenario of the run.
     - `run`: the run, with every sample in its log, or its `RunRecord`.

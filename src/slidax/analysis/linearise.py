@@ -33,9 +33,10 @@ QUIET = ("resolution", "position_noise", "velocity_noise")
 
 
 def operating_point(scenario: Scenario, at: float) -> tuple[ClosedLoop, Carry, list[str]]:
-    """Simulate a scenario until just before a sample, without sensor effects that have no derivative.
+    """Simulate a scenario until just before the sample at which it is to be linearised.
 
-    Return the loop, its state at that time, and a note on each effect that was left out.
+    Return the loop, its state at that time, and a note on each effect that was left out: sensor effects without a
+    derivative, such as rounding.
 
     - `at`: time of the sample [s], a whole number of periods, at least one.
 
@@ -110,9 +111,9 @@ SLOW = 5.0
 
 
 def linearisation_notes(loop: ClosedLoop, carry: Carry, *, rough: bool) -> list[str]:
-    """Notes that limit the linearisation: frozen learning, nonsmooth points, slow joints and saturated drives.
+    """Return sentences on the limits of a linearisation, which `LinearisedLoop.notes` has.
 
-    Each note is a sentence.
+    They are about frozen learning, nonsmooth points, joints too slow for linear friction, and saturated drives.
 
     - `carry`: state of the loop.
     - `rough`: True if the derivative and central differences disagree.
@@ -172,7 +173,7 @@ class LinearisedLoop:
     - `system`: linear system from all injected signals (`INPUTS` of `period_map.py`) to all `OUTPUTS`, with the states
       that connect them.
     - `joint_names`: names of the joints.
-    - `held`: True if the torque is held over the period; only then the loop can be opened.
+    - `held`: True if the torque is held over the period. Only then `closed_loop`, `loop_gain` and the margins exist.
     - `notes`: sentences on effects that are left out, frozen or nonsmooth.
     - `derivative_error`: largest difference between the Jacobian and central differences of the simulated sample,
       relative to the largest entry of the same column.

@@ -1,4 +1,4 @@
-"""Each joint's inertia and the delay, estimated from a run's log near the loop's crossover frequency."""
+"""Each joint's inertia and the delay, estimated from a run's log in a frequency band around the loop's crossover."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ CLEAR = 3.0
 
 @dataclass(frozen=True)
 class LogEstimate:
-    """Inertia of each joint [n] and delay, estimated from a log.
+    """Inertia of each joint [n] and delay, estimated from a log in the frequency band `BAND`.
 
-    - `inertia`: estimated diagonal of M, kg m² or kg; NaN if the joint moves too little in the band.
+    - `inertia`: estimated diagonal of the inertia matrix, kg m² or kg; NaN if the joint moves too little in the band.
     - `nominal`: mean diagonal of the nominal M0 over the samples, weighted by the squared acceleration.
     - `spread`: standard error of `inertia`.
+    - `coherence`: share of each joint's torque in the band that the inertia explains.
     - `delay`: delay from a torque to its measured effect [periods]; NaN if no joint determines it.
-    - `coherence`: share of each joint's torque in the band that the inertia explains [n].
-    - `delay_gain`: relative decrease of the torque's unexplained share with this delay instead of the delay in the
-      law's settings.
+    - `delay_gain`: relative decrease of the torque's unexplained share with `delay` in place of the law's own delay.
     """
 
     inertia: np.ndarray
@@ -48,12 +47,12 @@ class LogEstimate:
 
 
 def estimate_from_log(record: RunRecord) -> LogEstimate:
-    """Estimate the delay and each joint's inertia: fit `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i` in the band.
+    """Estimate the delay and each joint's inertia I_i by least squares, for each of the delays in `DELAYS`.
 
-    I_i is the estimated inertia; M0, C0 and G0 are those of the nominal arm. a is the acceleration, from the second
-    difference of the measured positions. τ̄ is the torque's mean over the two periods of this difference, shifted by
-    the delay: with a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both pass the same filters.
-    Encoder noise enlarges the sum of a²; its share is subtracted.
+    The fit is `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i`, with M0, C0 and G0 of the nominal arm. a is the second
+    difference of the measured positions over h². τ̄ is the mean torque over the two periods of this difference, shifted
+    by the delay: for a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both sides are filtered in `BAND`.
+    Encoder noise enlarges the sum of a²; its share is subtracted. The delay with the best fit is chosen.
     """
     h = record.period
     q, tau, count = record.q, record.tau, len(record.t)

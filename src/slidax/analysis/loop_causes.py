@@ -345,8 +345,9 @@ STABLE = {"rk4": 2.78, "semi_implicit_euler": 2.0}
 class SubstepsCause(AbstractCause):
     """The integrator's step is too long for the simulated friction.
 
-    Near rest, friction is `(f_c/v_s + f_v) q̇`: the velocity decays at this slope over the inertia. The cause is in the
-    simulation and not in the law, so this check uses the plant.
+    Near rest, friction is `(f_c/v_s + f_v) q̇` with the Coulomb friction f_c, its velocity scale v_s and the viscous
+    coefficient f_v. So the velocity decays with the rate `(f_c/v_s + f_v)` over the inertia, and the step must be short
+    relative to that. The cause is in the simulation and not in the law, so this check uses the plant.
     """
 
     name: ClassVar[str] = "substeps"

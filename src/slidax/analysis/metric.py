@@ -1,4 +1,4 @@
-"""Metrics as functions of a run: definition, units, batches and traced runs."""
+"""Metrics as functions of a run: their definition, their units, and their values for batches and inside `jit`."""
 
 from __future__ import annotations
 
@@ -123,9 +123,9 @@ def arrays(run: Run) -> Any:
 
 
 def array_of(value: Any) -> np.ndarray:
-    """Convert a value of a run's `tally` to NumPy; inside `jit`, `vmap` and `grad` return it unchanged.
+    """Convert a value of `run.tally` to NumPy; inside `jit`, `vmap` and `grad` return it unchanged.
 
-    - `value`: a scalar or an array.
+    - `value`: a scalar or an array from the tally, the sums and extremes that the simulation updates at each sample.
     """
     return value if is_traced(value) else np.asarray(value)
 
@@ -141,7 +141,9 @@ def safe_sqrt(xp: Any, square: Any) -> Any:
 
 
 def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
-    """Return values per joint with the unknown ones marked: None for a run, masked for a batch, NaN if traced.
+    """Return a metric's values per joint, with those of runs without a value marked as missing.
+
+    Missing is None for a run, masked for a batch, and NaN inside `jit`, `vmap` and `grad`.
 
     - `known`: True for a run whose values are known, [] or [runs].
     - `values`: the metric's values, [n] or [runs n].
@@ -155,7 +157,7 @@ def known_values(known: Any, values: np.ndarray) -> np.ndarray | None:
 
 
 def value_of_run(known: Any, value: np.ndarray) -> np.ndarray | float | None:
-    """Return a value per run, marked if unknown: None for a run, masked for a batch, NaN if traced.
+    """Return a metric's value per run, with that of runs without a value marked as missing, as in `known_values`.
 
     - `known`: True for a run whose value is known, [] or [runs].
     - `value`: the metric's value, [] or [runs].

@@ -1,4 +1,4 @@
-"""The metrics of a run: error, torque, envelope, tolerance, tool, monitor; all of them as a summary or a data frame."""
+"""Metrics of a run's error, torque, envelope, tolerance band, tool and monitor; all as a summary or a data frame."""
 
 from __future__ import annotations
 
@@ -185,7 +185,10 @@ def envelope_margin(run: Run) -> np.ndarray | None:
 
 @metric("margin of the guarantee", "", per_joint=False, least_is_best=False)
 def guarantee_margin(run: Run) -> np.ndarray | float | None:
-    """Least relative margin of the monitored guarantee over the run; negative if it fails; None without a monitor."""
+    """Least relative margin of the monitored guarantee over the run; negative if it fails; None without a monitor.
+
+    The law's monitor checks the assumptions of the envelope's guarantee at each sample, and reports their margin.
+    """
     if run.tally.promise is None:
         return None
     margin = array_of(run.tally.promise.margin)

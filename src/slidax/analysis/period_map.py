@@ -101,7 +101,7 @@ class ShiftedSensor(AbstractSensor):
 
 
 class OffsetMotion(AbstractMotion):
-    """A motion with constant offsets of its position, velocity and acceleration, which are independent."""
+    """A motion with constant offsets of its position, velocity and acceleration; each offset may have any value."""
 
     motion: AbstractMotion = piece("the motion")
     q: Vector = piece("added to the position")

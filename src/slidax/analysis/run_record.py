@@ -102,10 +102,12 @@ def resolvable_band(band: tuple[float, float], period: float) -> tuple[float, fl
 
 
 def held_torque(tau: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Return the torques at times in periods, interpolated linearly between samples [m n].
+    """Return the mean of the held torque over a period, for periods that begin at any times [m n].
 
-    - `tau`: torque at each sample [samples n].
-    - `times`: times in periods after sample 0, also fractional [m].
+    Between two samples it is a linear interpolation of the two torques.
+
+    - `tau`: torque that is held from each sample on [samples n].
+    - `times`: times at which the m periods begin, in periods after sample 0 [m].
     """
     integer = np.floor(times).astype(int)
     fraction = (times - integer)[:, None]
@@ -121,7 +123,9 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
-    """Return each joint's closed loop, linearised at zero error; None without a plan or a linear estimator.
+    """Return each joint's closed loop, linearised at zero error; None for a joint whose loop is not linear there.
+
+    That is the case for a law that does not plan over a horizon, or an estimator that is not linear.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """
@@ -177,7 +181,7 @@ EACH = "a diagnosis needs every sample in the log: set `simulation.log_every=1`"
 
 
 def require_explainable(scenario: Scenario) -> SampledData:
-    """Return the law of a scenario that can be diagnosed.
+    """Return the law of a scenario, or raise DefinitionError if its runs cannot be diagnosed by `explain`.
 
     - `scenario`: the scenario to check.
 
@@ -368,7 +372,10 @@ class RunRecord:
 
     @cached_property
     def lumped(self) -> np.ndarray:
-        """`M0 w`, the torque for the estimated disturbance w, by nominal or learnt inertia [samples n], N m or N."""
+        """Torque `M0 w` that compensates the law's estimated disturbance w [samples n], N m or N.
+
+        w is an acceleration. For a law that learns, M0 has the learnt rotor inertias.
+        """
         mass = self.mass_and_bias[0]
         if self.law.adaptation is not None:
             mass = np.asarray(
@@ -388,7 +395,7 @@ class RunRecord:
 
     @cached_property
     def half_width(self) -> np.ndarray:
-        """Smallest distance of a bound of the envelope from zero error [n], rad or m; `ϑ ρ∞` in docs/loop-rate.md."""
+        """Least width of the envelope's narrower side over the run [n], rad or m; `ϑ ρ∞` in docs/loop-rate.md."""
         return np.min(np.minimum(self.upper, -self.lower), axis=0)
 
     @cached_property

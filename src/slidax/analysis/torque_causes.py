@@ -188,10 +188,10 @@ class PayloadEstimate:
 
     - `mass`: its mass [kg].
     - `spread`: standard error of the mass [kg].
-    - `explained`: share of the unexplained torque that the payload explains, after a fit of friction and of a factor
-      on the arm's mass.
-    - `most`: largest mass with which the drives can follow the motion [kg].
-    - `height`: position of its centre on the tip's axis [m].
+    - `explained`: share that the payload explains of the torque which the law's model, friction and a factor on the
+      arm's mass leave unexplained.
+    - `most`: largest mass with which the drives can follow the reference [kg].
+    - `height`: position of its centre on the z axis of the tip [m].
     """
 
     mass: float

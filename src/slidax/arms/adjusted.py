@@ -1,4 +1,4 @@
-"""Adjusted: an arm whose equations of motion are linear in its links' changes and in a body added at its tip."""
+"""Adjusted: a nominal arm with link changes and an added tip body, which an adaptive law estimates."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ PAYLOAD = 10
 class Adjusted(AbstractRobot):
     """A nominal arm whose link i has `1 + factors_i` times its mass and inertia, with a body added at the tip.
 
-    Inertia matrix and bias are linear in `factors` and `body`. Friction, rotors and tip are the nominal arm's.
+    With factors 0 and a body of mass 0 and inertia 0 it is the nominal arm. M(q) and the bias C q̇ + G change linearly
+    with `factors` and `body`. Friction, rotor inertia and tip frame are the nominal arm's.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
@@ -51,7 +52,12 @@ class Adjusted(AbstractRobot):
 
     @classmethod
     def of(cls, nominal: Articulated, factors: Vector, body: Float[Array, "10"]) -> Adjusted:
-        """Return the nominal arm with changed links and an added body; arguments as the fields."""
+        """Return the nominal arm with changed links and an added body.
+
+        - `nominal`: the arm without changes, n joints.
+        - `factors`: relative change of each link's mass and inertia [n].
+        - `body`: ten inertial parameters of the added body, as in the field `body`.
+        """
         return cls(
             joint_units=nominal.joint_units,
             joint_names=nominal.joint_names,

@@ -70,7 +70,7 @@ class AbstractRobot(AbstractPart):
     def coriolis(self, q: Vector, dq: Vector) -> Matrix:
         """Return `C(q,q̇)` in Christoffel form, for which `Ṁ - 2C` is skew-symmetric, [n n].
 
-        C is half the derivative of the bias with respect to the velocity, in which `C(q,q̇) q̇` is a quadratic form.
+        `C(q,q̇) q̇` is quadratic in q̇, so C is half the derivative of the bias with respect to q̇.
         """
         slope: Matrix = jax.jacfwd(self.bias, argnums=1)(q, dq)
         return 0.5 * slope

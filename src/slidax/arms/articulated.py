@@ -40,7 +40,7 @@ class Bodies(NamedTuple):
 
 
 class JointFrames(NamedTuple):
-    """Axes of each joint's frame as columns [3 3 n], and its origin [3 n], m."""
+    """Axes of each joint's frame in the base frame, as columns [3 3 n], and its origin [3 n], m."""
 
     rotation: Float[Array, "3 3 n"]
     position: Float[Array, "3 n"]
@@ -50,7 +50,7 @@ class JointAxes(NamedTuple):
     """Velocity of each link for a unit velocity of its joint, in the base frame.
 
     - `angular`: [3 n]; 0 for a prismatic joint.
-    - `linear`: velocity of the link's point at the base's origin [3 n].
+    - `linear`: velocity of the point of the extended link that is at the base's origin [3 n].
     """
 
     angular: Float[Array, "3 n"]
@@ -173,7 +173,7 @@ def motion_of_links(
 ) -> tuple[Array, Array, Array, Array]:
     """Return linear and angular velocity and acceleration of each link: v, w, v̇, ẇ, [3 n] each.
 
-    v is the velocity of the link's point at the base's origin.
+    v is the velocity of the point of the extended link that is at the base's origin.
 
     - `s`: velocity of each link for a unit velocity of its joint.
     - `parents`: index of each joint's parent, -1 for the base.
@@ -249,8 +249,9 @@ class Articulated(AbstractRobot):
     diagonal, and the bias from recursive Newton-Euler (Featherstone, 2008). Friction is `F = f_c tanh(q̇/v_s) + f_v q̇`
     with `coulomb`, `smoothing` and `viscous`.
 
-    `slidax.arms.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` return such arms. Every
-    number is a leaf, so that a batch can vary it; `Mismatch` derives the true arm from a nominal one.
+    `slidax.arms.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` return such arms. Each
+    physical parameter is a leaf of the pytree, so `jax.vmap` can vary it. `Mismatch` derives the true arm from a
+    nominal one.
     """
 
     rotations: Float[Array, "n 3 3"] = parameter("each joint's axes in its parent's frame, as columns")

@@ -1,4 +1,7 @@
-"""Forward kinematics: the chain of joints from the base to the tip, and poses."""
+"""Forward kinematics: the chain of joints from the base to the tip, and poses of the tip, also called the tool.
+
+Quantities along a motion are Taylor series in time or another parameter: lists of coefficients, from order 0 on.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,11 @@ from .rotations import matrix_of, quaternion_of
 
 
 class PlacedAxis(NamedTuple):
-    """A joint's axis in the base frame; direction and position are Taylor series of vectors [... 3]."""
+    """A joint's axis in the base frame: its unit direction and a point of the axis, Taylor series of vectors [... 3].
+
+    - `joint`: index of the joint.
+    - `revolute`: True for a revolute joint, False for a prismatic one.
+    """
 
     joint: int
     revolute: bool
@@ -28,7 +35,10 @@ class PlacedAxis(NamedTuple):
 
 
 class PlacedTool(NamedTuple):
-    """The tool's axes x, y, z and its position, Taylor series of vectors [... 3], and the axes of its joints."""
+    """The tool's frame in the base frame: axes x, y, z and position, Taylor series of vectors [... 3].
+
+    - `axes`: the axes of the joints that move the tool.
+    """
 
     x: Series
     y: Series
@@ -65,7 +75,10 @@ class KinematicChain:
         return len(self.names)
 
     def tool(self, q: Series) -> PlacedTool:
-        """Return the tool's frame and the joint axes at joint positions, a Taylor series of vectors [... n]."""
+        """Return the tool's frame and the joint axes, both in the base frame, as Taylor series.
+
+        - `q`: positions of all joints, a Taylor series of vectors [... n].
+        """
         orders, shape = len(q), q[0].shape[:-1]
         columns = [constant(np.broadcast_to(axis, (*shape, 3)), orders) for axis in np.eye(3)]
         position = constant(np.zeros((*shape, 3)), orders)

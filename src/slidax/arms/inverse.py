@@ -41,15 +41,15 @@ SEED, DRAWN = 0, 8
 class PoseTask:
     """Inverse kinematics as an optimisation: minimise `½ Σ ((q - q_0)/w)²` with the tool at its target.
 
-    A barrier, whose slope is 0 at q_0, keeps a redundant arm's joints inside their limits. The posture is therefore a
-    smooth function of the tool's pose: a closed path of the tool gives a closed path of the joints.
+    A logarithmic barrier keeps a redundant arm's joints inside their limits. The posture is then a smooth function of
+    the tool's pose: a closed path of the tool gives a closed path of the joints.
 
-    - `hold`: the prescribed coordinates of the tool.
-    - `posture`: q_0 [n], rad or m.
+    - `hold`: the prescribed tool coordinates, "place", "axis" or "pose", as in `inverse`.
+    - `posture`: the preferred posture q_0 [n], rad or m.
     - `widths`: w [n], half of each joint's range; 1 for a joint without limits.
     - `lower`, `upper`: joint limits [n]; infinite for an arm that is not redundant.
-    - `damping`: allows a tool error of `damping²` times the force on the tool, its Lagrange multiplier, which bounds
-      the force near a singularity; 0 for no error.
+    - `damping`: d, which permits a tool error of d² times the force on the tool (the Lagrange multiplier). It bounds
+      this force near a singularity; 0 for no tool error.
     """
 
     chain: KinematicChain
@@ -65,8 +65,8 @@ class PoseTask:
 
         Its first n entries are the gradient of the Lagrangian, the other m the tool's error.
 
-        - `q`, `force`: posture and forces on the tool, Taylor series [... n], [... m]; m counts the
-          prescribed coordinates.
+        - `q`, `force`: posture, and forces on the m prescribed tool coordinates (Lagrange multipliers), Taylor series
+          [... n], [... m].
         - `aim`: the target pose.
         """
         tool = self.chain.tool(q)
@@ -143,7 +143,7 @@ class PoseTask:
 class LinearisedTask(NamedTuple):
     """Residual of a `PoseTask` at k points of a curve [k n+m], with derivatives by z [k n+m n+m] and by s [k n+m].
 
-    z has the n joint positions and the m forces on the tool; s is the curve parameter.
+    z has the n joint positions and the m forces on the tool (Lagrange multipliers); s is the curve parameter.
     """
 
     residual: Array
@@ -170,10 +170,10 @@ def linearise_task(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> 
 
 
 def curvature(task: PoseTask, curve: AbstractCurve, z: Array, s: Array, along: Array) -> Array:
-    """Return the second derivative of a task's residual by the curve parameter [k n+m].
+    """Return the second derivative of a task's residual by the curve parameter s, if z changes linearly, [k n+m].
 
     - `z`, `s`: as in `linearise_task`.
-    - `along`: derivative of z by s [k n+m].
+    - `along`: the constant derivative of z by s [k n+m].
     """
     n = task.posture.size
     aim = curve.aim([s, np.ones_like(s), None])

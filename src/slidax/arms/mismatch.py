@@ -53,8 +53,8 @@ class Mismatch(AbstractPart):
     """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
 
     With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
-    nominal arm; fields that are None keep its values. `inertial` is added last, to each link including a permanent
-    payload.
+    nominal arm; fields that are None keep its values. At the end `inertial` is added to the inertial parameters of each
+    link, which for the last link include those of the nominal arm's payload.
     """
 
     title = "Differences between the true arm and its nominal model."
@@ -75,9 +75,9 @@ class Mismatch(AbstractPart):
     load: TimedPayload | None = piece("payload at the tip, with its times; None for no payload", default=None)
 
     def applied(self, nominal: Arm) -> Arm:
-        """Return the true arm for a nominal one, without the payload `load`, which comes and goes.
+        """Return the true arm for a nominal one, without the payload `load`, which changes during a run.
 
-        Raises DefinitionError if a list has another length than the number of joints, including followers.
+        Raises DefinitionError unless each list has an entry for each joint, also for those that follow another joint.
         """
         if isinstance(nominal, Coupled):
             return eqx.tree_at(lambda coupled: coupled.arm, nominal, self._true(nominal.arm))

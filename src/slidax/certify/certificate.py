@@ -79,7 +79,7 @@ class Verdict:
 
     @property
     def grade(self) -> Grade | None:
-        """Grade by the share of proved assumptions; None unless the guarantee holds."""
+        """Grade by the proved assumptions: `A` if all are proved, `B` if some, `C` if none; None unless `holds`."""
         if not self.holds:
             return None
         proved = [line.status == "proved" for line in self.assumptions]
@@ -127,13 +127,13 @@ WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
 class Certificate(Generic[Options]):
     """A certificate, called like the function that computes its verdict: `admissibility(scenario)`.
 
-    It does not apply to a scenario with an uncertain path that it does not cover. Paths are dotted paths of the
-    scenario file, such as `robot.plant.load`.
+    Paths are dotted paths of the scenario file, such as `robot.plant.load`. Each stands for all paths below it, too.
+    The certificate does not apply if the block `uncertainty` or `truth` has a path that `covers` does not contain.
 
-    - `name`, `title`: its name in `certify`, and the short form of the guarantee.
-    - `judge`: computes the verdict; its docstring states the guarantee.
-    - `covers`: paths whose uncertainty it covers, with all paths below them; also paths that do not affect the verdict.
-    - `reads`: paths that the verdict depends on, with all paths below them; None if it may depend on any.
+    - `name`, `title`: the certificate's name in `certify`, and the short form of the guarantee.
+    - `judge`: function that computes the verdict; its docstring states the guarantee.
+    - `covers`: paths whose uncertainty the guarantee includes, or that do not affect the verdict.
+    - `reads`: paths that the verdict depends on; None if it may depend on any.
     """
 
     name: str
@@ -158,7 +158,7 @@ class Certificate(Generic[Options]):
         return self.judge(scenario, *args, **kwargs)
 
     def may_read(self, path: str) -> bool:
-        """Return True if the verdict may depend on the value at a path, written as for `--set`.
+        """Return True if the verdict may depend on the value at a dotted path, such as `robot.plant.load`.
 
         A test changes all values that a certificate does not read, and expects the same verdict.
         """

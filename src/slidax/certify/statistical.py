@@ -34,9 +34,10 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 
     - `runs`: number n of random runs. `seed`: their seed. `confidence`: c of the bound.
 
-    With k of n runs outside and confidence c, `Pr(X <= k | p = upper) = 1 - c`; for k = 0 `upper = 1 - (1-c)^(1/n)`.
-    A search (CMA-ES, then quasi-Newton steps) minimises the margin with as many further runs. Its result is not a
-    probability, and a search that finds no failure proves nothing.
+    If k of n runs leave the envelope, the bound `upper` solves `Pr(X <= k | p = upper) = 1 - c`, where X is the number
+    of n runs that leave it. For k = 0 `upper = 1 - (1-c)^(1/n)`. A search (CMA-ES, then quasi-Newton steps) minimises
+    the margin to the envelope with as many further runs. Its result is not a probability, and a search without failures
+    proves nothing.
 
     Raises DefinitionError if a set is empty or the search's package is not installed.
     """
@@ -46,9 +47,10 @@ def statistical(scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence:
 def statistical_with_cases(
     scenario: Scenario, runs: int = RUNS, seed: int = 0, confidence: float = 0.99
 ) -> tuple[Verdict, dict[str, Any]]:
-    """Return the verdict of `statistical`, and its worst cases: at most `KEPT`, worst first.
+    """Return the verdict of `statistical`, and its worst cases.
 
-    The cases are an array of uncertain values for each dotted path of the scenario, whose first axis is the case.
+    The cases are a dict: for each dotted path of the scenario an array of uncertain values, whose first axis is the
+    case. There are at most `KEPT` cases, the worst first. The dict is empty if the certificate does not apply.
     """
     if runs < 1:
         return Verdict(NAME, TITLE, None, None, {}, (), "left out: no runs were requested"), {}

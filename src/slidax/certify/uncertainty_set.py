@@ -17,9 +17,10 @@ from .sampled_scenario import Floats
 
 
 def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
-    """Return the least and the largest value that each number of a set can have, each in the shape of the value.
+    """Return the least and the largest value that a set allows, number by number, each in the shape of the value.
 
-    - `uncertainty`: the set, as in the block `uncertainty` of a scenario. `leaf`: the value that it replaces.
+    - `uncertainty`: the set, as in the block `uncertainty` of a scenario.
+    - `leaf`: the scenario's value that the set replaces, a number or a list.
     """
     if isinstance(uncertainty, Ball):
         own = leaf.own_value("ball")
@@ -29,13 +30,13 @@ def set_ends(uncertainty: AbstractSet, leaf: Leaf) -> tuple[Floats, Floats]:
 
 
 def values_along(uncertainty: AbstractSet, leaf: Leaf, shares: Floats) -> Floats:
-    """Return values of a set [K ...], each with all coordinates at the same share of their range.
+    """Return K values of a set, from its lower end to its upper end [K ...].
 
-    For a choice, return each of its values instead. In every set but a ball and a choice, each number increases with
-    one coordinate.
+    A set maps coordinates between 0 and 1 to its values. All coordinates have the same share here, so that each number
+    moves from one end of its range to the other. For a choice from a list, return each value of the list instead.
 
-    - `uncertainty`: any set except a ball. `leaf`: the value that it replaces.
-    - `shares`: from 0 to 1 [K]; not used for a choice.
+    - `uncertainty`: any set except a ball. `leaf`: the scenario's value that the set replaces.
+    - `shares`: coordinates, from 0 to 1 [K]; not used for a choice.
     """
     if isinstance(uncertainty, Discrete) and uncertainty.choice != "any":
         count = len(uncertainty.choice)
@@ -76,8 +77,8 @@ START = "start.q"
 class StartBox:
     """Range of the start positions.
 
-    - `lower`, `upper`: [n], rad or m.
-    - `all_are`, `one_is`: subject and verb of a sentence about all starts, and about a single start.
+    - `lower`, `upper`: least and largest position [n], rad or m.
+    - `all_are`, `one_is`: subject and verb for sentences about all starts, and about a single start.
     """
 
     lower: Floats
@@ -111,10 +112,10 @@ SHARES = np.linspace(0.0, 1.0, 9)
 
 @dataclass(frozen=True)
 class UncertainValue:
-    """Range of a number, or of several numbers that vary together, from a lower to an upper end.
+    """Range of a number, or of all numbers of a list that vary together, from a lower to an upper end.
 
-    - `path`: path in the scenario file.
-    - `entry`: index of the number at this path; None if all of them vary together.
+    - `path`: dotted path of the value in the scenario file.
+    - `entry`: index of the number in the flattened value; None if all numbers vary together.
     - `lower`, `upper`: ends, in the shape of the whole value.
     """
 
@@ -129,9 +130,9 @@ class UncertainValue:
         return self.path if self.entry is None else f"{self.path}[{self.entry}]"
 
     def moved(self, value: Floats, share: Floats) -> Floats:
-        """Return values [P ...] with this number, or all of them, at shares of the range [P]: 0 is lower, 1 upper.
+        """Return values [P ...] in which this number, or all numbers, are at the shares of their range.
 
-        - `value`: values of the other numbers [P ...].
+        - `value`: values that the other numbers keep [P ...]. `share`: 0 for the lower end, 1 for the upper one [P].
         """
         moved = self.lower + share.reshape(-1, *[1] * self.lower.ndim) * (self.upper - self.lower)
         if self.entry is None:
@@ -141,7 +142,7 @@ class UncertainValue:
 
 
 def uncertain_values(path: str, uncertainty: AbstractSet, leaf: Leaf) -> list[UncertainValue]:
-    """Return the axes of a box that contains a set, or one axis if the set is a line.
+    """Return the axes of a box that contains a set: one for each number, or a single axis if the set is a line.
 
     - `path`: dotted path of the value in the scenario. `uncertainty`: its set. `leaf`: the value that it replaces.
 

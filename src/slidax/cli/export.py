@@ -81,7 +81,7 @@ def export_franka(
     quick: Quick = False,
     changes: Changes = None,
 ) -> None:
-    """Export the law as a program for a Franka arm: C++ for libfranka, Python for pylibfranka, and a rehearsal."""
+    """Export the law for a Franka arm: C++ for libfranka, Python for pylibfranka, and a simulated arm."""
     options = {"name": name, "single": single, "golden": not quick}
     _export("franka", "slidax.export.robots", scenario, changes, out, "for a Franka arm", **options)
 
@@ -94,7 +94,7 @@ def export_ur(
     quick: Quick = False,
     changes: Changes = None,
 ) -> None:
-    """Export the law as a program for a Universal Robots arm: Python for ur_rtde's directTorque, and a rehearsal."""
+    """Export the law for a Universal Robots arm: Python for ur_rtde's directTorque, and a simulated arm."""
     options = {"name": name, "single": single, "golden": not quick}
     _export("ur", "slidax.export.robots", scenario, changes, out, "for a Universal Robots arm", **options)
 

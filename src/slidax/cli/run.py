@@ -353,10 +353,11 @@ def loop(
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """Run the exported step in real time: law and arm in two processes on the same clock, and a third for the log.
+    """Run the exported law and a simulated arm in real time: two processes on the same clock, and a third for the log.
 
-    The arm does not wait. It ignores a delayed command and keeps the last torque; the next measurement reports this to
-    the law. After several ticks without a command the arm brakes; without measurements the law stops.
+    The arm does not wait for the law. It ignores a delayed command and keeps the last torque. The next measurement
+    tells the law so. After several periods (ticks) without a command the arm brakes. The law stops if measurements are
+    missing for as long.
 
     Real-time priority and locked memory are requested from the system; a warning names those that it refuses.
 

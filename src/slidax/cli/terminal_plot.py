@@ -24,13 +24,13 @@ INSIDE, OUTSIDE, BOUND = "bright_blue", "bright_red", "bright_black"
 
 
 def funnel(console: Console, run: Run, envelope_run: Run, share: float) -> Table:
-    """Return a table with one text plot per joint, side by side: the error over time, between its bounds.
+    """Return a table with one text plot per joint, side by side: the error over time, and its envelope.
 
-    The scale is linear near zero, within the final bounds, and logarithmic farther out.
+    The vertical scale is linear near zero, within the final bounds, and logarithmic farther out.
 
     - `console`: the console that prints the table, for its width and encoding.
-    - `run`: the run to draw, with every sample logged.
-    - `envelope_run`: run whose envelope is drawn, with every sample logged.
+    - `run`: the run whose error is drawn, with every sample logged.
+    - `envelope_run`: the run whose envelope is drawn; it may differ if `run` has a law without an envelope.
     - `share`: share of the run's time to draw, 0 to 1.
     """
     width = max(12, min(WIDEST, (console.width - 2) // run.joints - LABEL - 3))

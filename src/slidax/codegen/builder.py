@@ -1,4 +1,8 @@
-"""Build programs of the intermediate representation (IR), without duplicate or unused values."""
+"""Build programs of the intermediate representation (IR), without duplicate or unused values.
+
+An IR value is the scalar result of one operation. A region is a list of values that are computed one after the other:
+the whole program, a part of a loop, or a side of a branch.
+"""
 
 from __future__ import annotations
 
@@ -96,8 +100,9 @@ LARGEST_CODE = 400_000
 class Builder:
     """Builder of one IR program.
 
-    An operation that already exists in the same region or a surrounding one is reused. A value is placed outside a loop
-    if none of its arguments changes inside. No value is moved out of a branch, since it may be expensive.
+    An operation that already exists in the same region or a surrounding one is reused. A value inside a loop is moved
+    out of the loop if none of its arguments changes there. No value is moved out of a branch, since the branch may
+    avoid an expensive operation.
 
     - `origin`: source location that is recorded for every value built from now on.
     """
@@ -124,7 +129,7 @@ class Builder:
     def input(self, name: str, type: Type, shape: tuple[int, ...], *, varying: bool = False) -> Values:
         """Add an input to the program, and return its elements as an array of IR values.
 
-        - `varying`: true if each run of a batch has its own values.
+        - `varying`: true if the values differ between the runs of a batch (many runs of one program).
         """
         which = len(self.program.inputs)
         self.program.inputs.append(Input(name, type, shape, varying))
@@ -134,11 +139,11 @@ class Builder:
         return array.reshape(shape)
 
     def output(self, name: str, type: Type, values: Values) -> None:
-        """Add an output to the program; its shape and elements are those of an array of IR values."""
+        """Add an output to the program; `values`, an array of IR values, has its shape and elements."""
         self.program.outputs.append(Output(name, type, values.shape, tuple(values.ravel())))
 
     def logged(self, name: str, type: Type, shape: tuple[int, ...]) -> int:
-        """Add an output that is a log, which `store` writes row by row; return its number among the outputs.
+        """Add an output that is a log: `store` writes it row by row. Return its index among the outputs.
 
         - `shape`: shape of one row.
         """
@@ -148,9 +153,9 @@ class Builder:
     def store(self, output: int, row: Value, when: Value, values: Values) -> None:
         """Add an operation that writes one row of a log.
 
-        - `output`: number of the output, from `logged`.
-        - `row`: number of the row, i64.
-        - `when`: truth value (b1); nothing is written where it is false.
+        - `output`: index of the log among the outputs, from `logged`.
+        - `row`: index of the row, an i64 value.
+        - `when`: truth value (b1); if it is false, nothing is written.
         - `values`: elements of the row, as IR values.
         """
         self._new(self.region, "store", "none", (row, when, *values.ravel()), output)
@@ -158,7 +163,7 @@ class Builder:
     # ---- operations -------------------------------------------------------------------------------------------------
 
     def apply(self, op: str, *args: Value, type: Type | None = None, data: Any = None) -> Value:
-        """Return the result of an operation as an IR value: simplified, equal to an existing one, or newly added.
+        """Return an IR value for the result of an operation: a simpler or existing one if possible, else a new one.
 
         - `op`, `args`, `data`: as in `Value`.
         - `type`: type of the result; None: that of the last argument, or b1 for comparisons.
@@ -206,10 +211,11 @@ class Builder:
     def branch(
         self, when: Value, then: Callable[[], Sequence[Value]], otherwise: Callable[[], Sequence[Value]]
     ) -> list[Value]:
-        """Add the choice `then() if when else otherwise()`; return its values. A program computes only the chosen side.
+        """Add a branch, `then() if when else otherwise()`, and return its results. A run computes only the chosen side.
 
         - `when`: truth value (b1).
-        - `then`, `otherwise`: add the operations of a side; both return equally many values, of the same types.
+        - `then`, `otherwise`: functions that add the operations of a side and return its results. Both sides must have
+          equally many results, of the same types.
         """
         known = when.data if when.op == "const" else self._decided(when)
         if known is not None:
@@ -228,10 +234,10 @@ class Builder:
         return [yes if yes is no else result for yes, no, result in zip(block.yes, block.no, results, strict=True)]
 
     def call(self, program: Program, args: Sequence[Value]) -> list[Value]:
-        """Add the call of a function, or reuse an equal call; return the outputs' elements, one output after the other.
+        """Add a call of another program, or reuse an equal call; return the outputs' elements, output by output.
 
-        - `program`: the function, without logs.
-        - `args`: elements of its inputs, one input after the other.
+        - `program`: the called program; it must not have logs.
+        - `args`: elements of its inputs, input by input.
         """
         region = self._region_for(tuple(args))
         key = ("call", id(program), *[arg.number for arg in args])

@@ -101,7 +101,7 @@ def _factor(text: int | str) -> str:
 
 
 def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) -> Arrays:
-    """Return inputs in the kernel's layout: [elements runs] if they vary between runs, else [elements].
+    """Return inputs as the kernel stores them: [elements runs] if they vary between runs, else [elements].
 
     - `inputs`: arrays in the program's shapes and dtypes; those that vary have a first axis for the runs.
     - `real`: the type of f64 on the GPU.
@@ -118,7 +118,8 @@ def pack_inputs(program: Program, inputs: Sequence[Any], runs: int, real: Real) 
 def unpack_outputs(program: Program, outputs: Arrays) -> Arrays:
     """Return the kernel's outputs in the program's shapes and dtypes: first axis runs, second axis rows of a log.
 
-    - `outputs`: arrays [rows elements runs]; one row for an output that is not a log, which gets no axis for rows.
+    - `outputs`: the kernel's arrays [rows elements runs]. An output that is not a log has one row here, and no axis for
+      rows in the result.
     """
     results = []
     for array, entry in zip(outputs, program.outputs, strict=True):
@@ -136,7 +137,7 @@ def dtype_on_card(type: Type, real: Real) -> Any:
 class CudaKernel:
     """A program compiled for the GPU with NVRTC, which needs no CUDA toolkit.
 
-    - `real`: the type of f64 on the GPU; NumPy arrays remain f64.
+    - `real`: the type of f64 on the GPU; inputs and outputs remain float64 in NumPy.
 
     Raises DefinitionError if CuPy or a GPU is missing.
     """

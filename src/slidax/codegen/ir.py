@@ -1,4 +1,7 @@
-"""Intermediate representation (IR) of programs: scalar operations in static single assignment, loops and branches."""
+"""Intermediate representation (IR) of programs: scalar operations in static single assignment, loops and branches.
+
+A run evaluates a program once. A batch is many runs of one program, whose varying inputs differ between the runs.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ class Region:
     - `kind`: "program" for the outermost region, "head" for a loop's condition, "body" for the rest of the loop,
       "branch" for a side of a branch.
     - `parent`: surrounding region; None for the outermost.
-    - `owner`: the loop or branch that contains it; None for the outermost.
+    - `owner`: the loop or branch to which it belongs; None for the outermost.
     - `values`: values in order of computation.
     - `known`: values by operation and arguments; the builder uses them to avoid duplicates.
     """
@@ -102,7 +105,7 @@ class Value:
 
 
 class Loop(Value):
-    """The loop `while condition: carried = following`. Carried values pass from one iteration to the next.
+    """The loop `while condition: carried = following`. Carried values are those that pass from iteration to iteration.
 
     - `args`: initial carried values.
     - `head`: region that computes the condition and defines `params`.
@@ -140,8 +143,8 @@ class Branch(Value):
 class Call(Value):
     """A call of a function, which is a separate program that many calls share.
 
-    - `program`: the function, without logs. The call's `args` are the elements of its inputs, one input after the
-      other, and its results the elements of its outputs likewise.
+    - `program`: the function, which has no logs. The call's `args` are the elements of all its inputs, input by input;
+      the call's results are the elements of all its outputs, output by output.
     """
 
     __slots__ = ("program",)
@@ -152,7 +155,7 @@ class Call(Value):
 class Input:
     """Array that a program reads.
 
-    - `varying`: true if each run of a batch has its own values.
+    - `varying`: true if the values differ between the runs of a batch.
     """
 
     name: str
@@ -191,8 +194,8 @@ class Program:
 
     - `body`: outermost region, with all operations.
     - `name`: name of the function in the Python source, or empty.
-    - `arrays`: groups of values that the Python source computes as one array, each in C order; generated C can store
-      such a group in an array.
+    - `arrays`: groups of values, each of which the Python source computes as one array, in C order. Generated C can
+      store such a group in an array.
     """
 
     inputs: list[Input] = field(default_factory=list)
@@ -229,7 +232,7 @@ def checked_inputs(program: Program, inputs: Sequence[Any], runs: int | None) ->
 
 
 def functions(program: Program) -> list[Program]:
-    """Return all functions that a program calls, directly or indirectly, callees before callers."""
+    """Return all programs that a program calls, directly or indirectly; a called one comes before its callers."""
     programs: dict[int, Program] = {}
     for value in program.walk():
         if isinstance(value, Call) and id(value.program) not in programs:
@@ -239,7 +242,7 @@ def functions(program: Program) -> list[Program]:
 
 
 def walk(region: Region) -> Iterator[Value]:
-    """Iterate over all IR values of a region, also inside its loops and branches, which come before their contents."""
+    """Iterate over all IR values of a region; a loop or branch comes before the values inside it."""
     for value in region.values:
         yield value
         if value.op in BLOCKS:
@@ -266,7 +269,7 @@ def uses(value: Value) -> tuple[Value, ...]:
 
 
 def digest(program: Program) -> str:
-    """Return a SHA-256 digest (hexadecimal) of a program and of this package's sources, as a key for cached code."""
+    """Return a SHA-256 digest (hexadecimal) of a program and of slidax.codegen's sources: a key for cached code."""
     lines = [program.name] if program.name else []
     lines += [f"{entry.name} {entry.type} {entry.shape} {entry.varying}" for entry in program.inputs]
     numbers: dict[Value, int] = {}
@@ -320,7 +323,7 @@ class NoNativeCodeError(DefinitionError):
 
 @contextmanager
 def as_native_code_error(what: Callable[[], str]) -> Iterator[None]:
-    """Convert every error in the block except DefinitionError to a NoNativeCodeError.
+    """Convert every exception in the `with` block, except a DefinitionError, to a NoNativeCodeError.
 
     - `what`: function that returns the name of the compiled object, for the message.
 

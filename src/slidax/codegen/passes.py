@@ -15,18 +15,18 @@ Replace = Callable[[Builder, Value, tuple[Value, ...]], Value | None]
 
 
 def rebuild(program: Program, replace: Replace) -> Program:
-    """Return a copy of a program in which some values are replaced; it is simplified, and unused values are removed.
+    """Return a simplified copy of a program in which some values are replaced and unused values are removed.
 
-    The functions that it calls are copied as well.
+    The programs that it calls are copied as well.
 
-    - `replace`: returns the new value of an operation, or None to copy it. Not called for constants, inputs, stores,
-      loops, branches, calls and their results.
+    - `replace`: function from the copy's builder, an old operation and its new arguments to the new value, or None to
+      copy the operation. It is not called for constants, inputs, stores, loops, branches, calls and their results.
     """
     return Rebuilding(program, replace, {}).finish()
 
 
 class Rebuilding:
-    """The copying of a program by `rebuild`, in progress.
+    """State of `rebuild` while it copies a program.
 
     - `program`, `replace`: as in `rebuild`.
     - `functions`: copies of called programs, by the `id` of the original.
@@ -124,9 +124,9 @@ def fuse_products(builder: Builder, value: Value, args: tuple[Value, ...]) -> Va
     """Return a sum or difference with a product as one multiply-add, `a b + c` rounded once; None for other operations.
 
     This is a `replace` function for `rebuild`: `value` is an operation of the old program, `args` its new arguments.
-    A product is fused if it is in the same region as the sum; a product outside the loop is already computed. Other
-    users of the product do not matter, so that logging does not change the rounding. If a sum has two products, only
-    their order decides which one is fused, so that all targets round equally.
+    A product is fused only if it is in the same region as the sum. A product outside the sum's loop is computed only
+    once anyway. Other uses of the product do not matter, so that logging does not change the rounding. If both operands
+    are products, the later one is fused, so that all targets round equally.
     """
     if value.op not in ("add", "sub") or value.type not in FLOATS:
         return None
@@ -175,9 +175,9 @@ NO_OPERATIONS = OperationCount(0, 0)
 
 
 def count_operations(program: Program) -> OperationCount | None:
-    """Count the operations if every loop runs as long as it can and every branch takes the longer side.
+    """Return the largest number of operations in a run: with most iterations of each loop, and longest branch sides.
 
-    Returns None if a loop does not count its own iterations.
+    Returns None if a loop's number of iterations has no known bound.
     """
     return _of_region(program.body)
 

@@ -1,8 +1,8 @@
 """Basic types, parameters, checks and small numerics that every subpackage uses.
 
-A component (`AbstractPart`) is a frozen, differentiable piece of a control loop: a surface, a reaching law, a robot.
-Each parameter is declared once, in the class, by `parameter`; docstrings, checks, the JSON schema of scenario files,
-`slidax list`, reports and the comments of exported C are derived from the declaration. docs/your-own-law.md shows how.
+A part (`AbstractPart`) is an immutable, differentiable component of a control loop: a surface, a reaching law, a robot.
+Each parameter is declared once, in the part's class, by `parameter`. Docstrings, checks, the JSON schema of scenario
+files, `slidax list`, reports and the comments of exported C are derived from the declaration; see docs/your-own-law.md.
 
 Read first: `types.py` (State, Reference, Envelope, Command, Timing), `parameter.py`, `part.py`.
 """

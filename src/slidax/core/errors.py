@@ -27,9 +27,9 @@ _SHORT.maxlong = 40
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting by which a user accepts an input that is otherwise an error, as each interface writes it.
+    """A setting that makes slidax accept an input which is otherwise an error, written for each interface.
 
-    - `name`, `value`: such as `inertias` and `nearest`.
+    - `name`, `value`: name and value of the setting, such as `inertias` and `nearest`.
     """
 
     name: str
@@ -44,7 +44,7 @@ class DefinitionError(ValueError):
     """An invalid definition. The message names the field, the rule, the value, the joint and the remedy.
 
     - `message`: the message without the path.
-    - `where`: path of the field in a scenario, such as `scheme.performance`; empty without a scenario.
+    - `where`: path of the field in a scenario, such as `scheme.performance`; empty if the field is not in a scenario.
     """
 
     setting: Setting | None = None
@@ -56,14 +56,14 @@ class DefinitionError(ValueError):
         self.where = where
 
     def offering(self, setting: Setting | None) -> Self:
-        """Store the setting that the message names as a remedy, and return the error itself."""
+        """Attach the setting that the message names as a remedy (None for none); return this error."""
         self.setting = setting
         return self
 
     def reworded(self, words: str) -> DefinitionError:
-        """Return a copy of the error with other words for the remedy in its message.
+        """Return a copy of the error whose message writes the remedy's setting in other words.
 
-        - `words`: replacement for the setting, such as `error.setting.as_option`.
+        - `words`: the new text for the setting, such as `error.setting.as_option`.
         """
         message, setting = self.message, self.setting
         if setting is not None:
@@ -92,7 +92,7 @@ class OutcomeError(RuntimeError):
 
 @contextmanager
 def locate_errors(where: str) -> Iterator[None]:
-    """Prefix a DefinitionError that leaves the block with the path `where`; paths of nested blocks are joined."""
+    """Add the path `where` to the message of a DefinitionError in the `with` block; nested paths are joined."""
     try:
         yield
     except DefinitionError as error:
@@ -101,7 +101,7 @@ def locate_errors(where: str) -> Iterator[None]:
 
 
 def nearest_word(word: str, known: Iterable[str]) -> str:
-    """Remedy for an unknown name: a question with the most similar known name, or the list of all known names.
+    """Remedy for an unknown name, as text: "did you mean `...`?" with the most similar name, or all known names.
 
     - `word`: the unknown name, in any case.
     """
@@ -125,9 +125,9 @@ def short_repr(value: Any) -> str:
 
 
 def plain_name(word: object) -> str:
-    """A name as `short_repr` writes it, without quotation marks, for a message that puts it in backquotes.
+    """A name in the form of `short_repr`, but without quotation marks, for a message that puts it in backquotes.
 
-    - `word`: the name; any other object is shown as a value.
+    - `word`: the name; an object that is no string is shown as by `short_repr`.
     """
     return short_repr(word)[1:-1] if isinstance(word, str) else short_repr(word)
 
@@ -175,7 +175,7 @@ def each_of(number: int, noun: str) -> str:
 
 
 def is_traced(tree: Any) -> bool:
-    """True if `jit`, `vmap` or `grad` traces a leaf, so that its value is unknown and cannot be checked.
+    """True if JAX traces a leaf (in `jit`, `vmap` or `grad`), so that its value is unknown and cannot be checked.
 
     - `tree`: any pytree of arrays.
     """
@@ -183,7 +183,9 @@ def is_traced(tree: Any) -> bool:
 
 
 def as_array(value: Any) -> Array:
-    """Convert a number, a list or an array to a float array, which is a differentiable leaf. Used as field converter.
+    """Convert a number or a list of numbers to a JAX array of floats; return a JAX array unchanged.
+
+    It is the converter of fields that `parameter` declares, whose values are then differentiable leaves.
 
     - `value`: a number, a list of numbers or an array.
 
@@ -199,9 +201,9 @@ def as_array(value: Any) -> Array:
 
 
 def static_value(value: Any) -> Any:
-    """Return an array as a NumPy array, for checks of its values; return a traced array unchanged.
+    """Convert an array to NumPy, for checks of its values; return a traced array unchanged.
 
-    Comparing JAX arrays instead would compile the comparison, which takes a hundred times as long.
+    A check of a JAX array would be compiled, which takes a hundred times as long.
 
     - `value`: a number or an array.
     """
@@ -209,7 +211,7 @@ def static_value(value: Any) -> Any:
 
 
 def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = True, each: str = "joint") -> None:
-    """Raise a DefinitionError unless `holds` is true in every entry of the field and the field is finite.
+    """Raise a DefinitionError unless `holds` is true for every entry of a field, and the field is finite.
 
     Traced values pass, since they are unknown.
 
@@ -218,7 +220,7 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
     - `holds`: bool or array of bools, of the field's shape.
     - `rule`: the rule with its equation, for the message: "must be > 2 (eq. 20)".
     - `finite`: False to accept infinite values; NaN is never accepted.
-    - `each`: noun for the owner of one entry of a vector, "joint" or "entry".
+    - `each`: noun in the message for one entry of a vector, "joint" or "entry".
     """
     value = getattr(owner, field)
     if is_traced((value, holds)):
@@ -251,7 +253,7 @@ def _joint(owner: object, number: int) -> str:
 
 
 def require_shape(owner: object, shape: tuple[int, ...], *fields: str) -> None:
-    """Raise a DefinitionError unless each of the fields of `owner` has exactly this shape.
+    """Raise a DefinitionError unless each named field of `owner` has exactly this shape.
 
     - `shape`: required shape; () for one number.
     - `fields`: names of the fields.
@@ -287,7 +289,7 @@ def require_consistent(owner: object, *fields: str) -> None:
 def require_joints(tree: object, joints: int, of: str) -> None:
     """Raise a DefinitionError unless each parameter in `tree` is one number, one per joint, or a matrix [n n].
 
-    - `tree`: any pytree of arrays. `joints`: n. `of`: owner of the joints, for the message.
+    - `tree`: any pytree of arrays. `joints`: n. `of`: words for the arm that has these joints, for the message.
     """
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         if np.shape(leaf) not in ((), (joints,), (joints, joints)):
@@ -295,10 +297,10 @@ def require_joints(tree: object, joints: int, of: str) -> None:
 
 
 def require_per_joint(owner: object, joints: int, of: str, *fields: str) -> None:
-    """Raise a DefinitionError unless each of the fields is one number, or has one entry per joint.
+    """Raise a DefinitionError unless each named field is one number, or has one entry per joint.
 
     - `owner`: object with the fields. `joints`: number of joints.
-    - `of`: owner of the joints, for the message.
+    - `of`: words for the arm that has these joints, for the message.
     - `fields`: names of the fields.
     """
     for field in fields:

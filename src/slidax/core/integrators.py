@@ -66,14 +66,14 @@ def _rolled(
 def semi_implicit_euler(
     rate: Callable[[Scalar, Any], tuple[Any, Watch]], t: Scalar, state: Any, h: Scalar
 ) -> tuple[Any, tuple[Watch, ...]]:
-    """`q̇⁺ = q̇ + h q̈(t, q, q̇)`, `q⁺ = q + h q̇⁺`: order 1, one evaluation.
+    """Take a semi-implicit Euler step: `q̇⁺ = q̇ + h q̈(t, q, q̇)`, `q⁺ = q + h q̇⁺`; order 1, one evaluation at t.
 
     - `rate`: function of time and state that returns (the state's time derivative, values to record).
     - `t`: time at the step's start [s].
     - `state`: state at the step's start: any pytree with fields `q` and `dq`; other fields follow Euler's rule.
     - `h`: step [s].
 
-    Returns the state at `t + h`, and the recorded values of each evaluation, in order.
+    Returns the state at `t + h`, and a tuple with the recorded values of the evaluation.
     """
     slope, watch = rate(t, state)
     moved = jax.tree.map(lambda y, dy: y + h * dy, state, slope)
@@ -83,9 +83,9 @@ def semi_implicit_euler(
 def value_rate_curvature(
     function: Callable[[Scalar], PerJoint], t: Scalar | float
 ) -> tuple[PerJoint, PerJoint, PerJoint]:
-    """`f(t), f'(t), f''(t)` by two nested forward derivatives.
+    """Value, slope and curvature of a function of time, `f(t), f'(t), f''(t)`, by two nested forward derivatives.
 
-    - `function`: function from a time in s to an array.
+    - `function`: f, from a time [s] to an array.
     - `t`: time [s].
     """
     t = as_array(t)

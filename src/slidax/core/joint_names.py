@@ -12,7 +12,7 @@ NUMBERED = re.compile(r"joint \d+")
 
 
 def bare_name(name: str) -> str:
-    """A name without case, spaces, quotation marks and punctuation: `"Joint_1 "` becomes `joint1`.
+    """Return a name in lower case, without spaces, quotation marks and punctuation: `"Joint_1 "` becomes `joint1`.
 
     Neighbouring numbers stay separate: `joint_1_1` becomes `joint1.1`, since `joint_11` is another joint.
     """
@@ -22,10 +22,10 @@ def bare_name(name: str) -> str:
 
 
 def match_names(names: Sequence[str], wanted: Sequence[str]) -> dict[str, int]:
-    """Index of each wanted name in `names`; missing names are left out.
+    """Return the index in `names` of each wanted name; wanted names without a match are left out.
 
-    An exact match takes precedence. Otherwise a name matches if it differs only in case, spaces or punctuation, and no
-    other name does.
+    An exact match takes precedence. Otherwise a name matches if it differs only in case, spaces or punctuation, and is
+    the only such name.
 
     - `names`: names in the data, without duplicates.
     - `wanted`: names of the robot's joints, without duplicates.

@@ -25,8 +25,8 @@ def matvec(a: Matrix, x: Vector) -> Vector:
 def solve_symmetric(a: Matrix, b: Vector) -> Vector:
     """The solution x of `A x = b` by `A = L D Lᵀ` without pivoting, unrolled over the fixed size.
 
-    Column by column: one array operation updates A and b. This traces and compiles few operations, each of which
-    depends on the previous column only.
+    A and b are eliminated column by column, with array operations. These are few operations to trace and compile, and
+    those for a column depend only on the previous column.
 
     - `a`: symmetric positive definite matrix [n n]; only the lower triangle is read.
     - `b`: right-hand side [n].
@@ -144,9 +144,9 @@ def nearest_in_box(wanted: Vector, lower: Vector, upper: Vector, mass: Matrix) -
     (Gauss's principle of least constraint, 1829). A joint below its torque limit gets its wanted acceleration even if
     another joint saturates. Clipping each torque separately would disturb the coupled joints.
 
-    - `wanted`: [n].
-    - `lower`, `upper`: the box [n]; may be infinite.
-    - `mass`: M, symmetric positive definite [n n].
+    - `wanted`: wanted torques [n], N m or N.
+    - `lower`, `upper`: bounds of x, the box [n]; may be infinite.
+    - `mass`: M, the inertia matrix, symmetric positive definite [n n].
     """
 
     def project() -> Vector:

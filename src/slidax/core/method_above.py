@@ -1,4 +1,4 @@
-"""Methods whose function is in a package above the class."""
+"""Methods whose function is in a package that the class itself must not import."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any
 
 
 class MethodAbove:
-    """A method that imports its function when it is looked up; the object is its first argument.
+    """A descriptor for a method that is a function of another module, imported only when the method is looked up.
 
-    Data classes lie below the packages that draw and analyse them, and must not import these.
+    Data classes must not import the packages that plot and analyse them, since these import the data classes. The
+    object is the function's first argument.
 
     - `place`: module and function, such as `slidax.studies.by_path:sweep`.
     """

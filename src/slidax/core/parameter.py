@@ -24,7 +24,7 @@ COMPARISON = re.compile(r"(>=|>|<=|<)(.+)")
 class End:
     """One end of a range: a number, or an expression over other parameters of the same part, such as `4 - 2 * gain`.
 
-    - `open`: True if the end itself is outside.
+    - `open`: True if the end itself is not an allowed value.
     """
 
     text: str
@@ -39,9 +39,9 @@ class End:
             return None
 
     def value(self, part: object) -> Any:
-        """Return the end as a number or [n].
+        """Return the value of the end, one number or [n].
 
-        - `part`: supplies the values of other parameters in an expression.
+        - `part`: object with the values of other parameters in an expression.
         """
         number = self.number
         return number if number is not None else eval(self._code, {}, _Fields(part))
@@ -71,7 +71,7 @@ class _Fields(dict[str, Any]):
 class Range:
     """Allowed values of a parameter: `> 0`, `>= 0`, `(0, 1)`, `[0, 1]`, `(0, 1]`, `> final`; empty for any number.
 
-    Infinity is outside, unless the end has the form `inf]` or `[-inf`.
+    Infinity is not allowed, unless the end has the form `inf]` or `[-inf`. `final` is another parameter of the part.
     """
 
     text: str = ""
@@ -92,7 +92,7 @@ class Range:
 
     @property
     def words(self) -> str:
-        """The range for a table: its text, but "> 0, infinite for no limit" for `(0, inf]`."""
+        """The range as it is written in tables: `text`, except "> 0, infinite for no limit" for `(0, inf]`."""
         return "> 0, infinite for no limit" if self.text == "(0, inf]" else self.text
 
     def holds(self, part: object, values: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ class Range:
 
         An end may be an expression over other parameters, such as `4 - 2 * gain`. Its value is broadcast with `values`.
 
-        - `part`: supplies the values of those parameters.
+        - `part`: object with the values of those parameters.
         - `values`: values to check.
         """
         lower, upper = self.ends
@@ -109,10 +109,10 @@ class Range:
         return np.asarray(above & (values < high if upper.open else values <= high))
 
     def rule(self, part: object, unit: str = "") -> str:
-        """Return the range as a rule: "must be > 0", "must be in (0, 1)".
+        """Return the range as the end of a message: "must be > 0", "must be in (0, 1)".
 
-        - `part`: supplies the values of other parameters that the range names.
-        - `unit`: empty for a parameter with several units.
+        - `part`: object with the values of other parameters that the range names.
+        - `unit`: unit of the parameter; empty if it depends on the kind of joint.
         """
         if not self.text:
             return "must be finite"
@@ -177,7 +177,7 @@ class Parameter:
     - `source`: source of the default.
     - `shape`: "one number", "one number or [n]", "[3]", ...; empty for a field without numbers.
     - `annotation`: type of the field, as text.
-    - `piece`: True for another part, a name or a choice.
+    - `piece`: True for a field that is not numeric: another part, a name or a choice.
     """
 
     name: str
@@ -229,7 +229,7 @@ def parameter(
     static: bool = False,
     converter: Any = as_array,
 ) -> Any:
-    """Declare a numeric field of a part: checked, documented and a leaf of the pytree.
+    """Declare a numeric field of a part. The field is checked, documented, and a leaf of the part's pytree.
 
         k1: PerJoint = parameter("diagonal of K1", "rad/s or m/s", "> 0", "(eq. 40)")
 
@@ -241,8 +241,8 @@ def parameter(
     - `why`: reason for the range, as "so that ... (eq. 20)" or "(eq. 20)".
     - `source`: source of the default.
     - `matrix`: True if the value may also be a matrix.
-    - `static`: True if compiled code depends on it; for a plain Python number.
-    - `converter`: from the argument to the field's type; by default to a float array.
+    - `static`: True for a plain Python number on whose value compiled code depends (not a leaf of the pytree).
+    - `converter`: function from the argument to the field's value; by default to a float array.
     """
     declared = Parameter("", meaning, unit, Range(range), why, default, source, MATRIX if matrix else "")
     if static and converter is as_array:
@@ -258,7 +258,7 @@ def parameter(
 def piece(meaning: str, *, default: Any = REQUIRED, default_factory: Any = REQUIRED, static: bool = False) -> Any:
     """Declare a field of a part that is not numeric: another part, a name, a choice.
 
-    - `static`: True if compiled code depends on it.
+    - `static`: True for a value that is no pytree, such as a name, on which compiled code depends.
     """
     declared = Parameter("", meaning, default=default, piece=True)
     how = {} if default is REQUIRED else {"default": default}

@@ -27,9 +27,9 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def as_tree(part: Any, label: str = "", indent: str = "") -> str:
-    """Return a part as text: a line with its values, and below it a line for each inner part.
+    """Return a part as text: a line with its values, and below it a line for each part inside it.
 
-    - `label`: name of the part in the outer part. `indent`: spaces before the line.
+    - `label`: name of the part's field in the outer part. `indent`: spaces before the line.
     """
     kind: type = type(part)
     units = {parameter.name: parameter.unit for parameter in parameters_of(kind)}
@@ -61,10 +61,10 @@ def _shown(value: Any) -> str:
 
 
 class AbstractPart(eqx.Module):
-    """A frozen piece of a closed loop, whose fields are declared by `parameter` and `piece`.
+    """An immutable component of a control loop, whose fields are declared by `parameter` and `piece`.
 
-    The constructor checks shapes and ranges of known values; `__check_init__` of a class checks rules that no range
-    expresses. The docstring of a class has the formula and its source, and gets a line for each declared parameter.
+    The constructor checks shapes and ranges of all values that JAX does not trace. A subclass checks further rules in
+    its `__check_init__`. Its docstring has the formula and its source; a line is added for each declared parameter.
     """
 
     # One line without a formula: `slidax list`, the JSON schema and the tables of parameters show it.
@@ -148,10 +148,10 @@ def _declared_in(cls: type) -> list[Parameter]:
 
 
 def kind_of(part: type) -> str:
-    """Return the name of a part in files: its class name in snake case, without the name of its base class.
+    """Return the name of a part's class in files: in snake case, without the name of its base class.
 
-    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`. A class variable `kind`
-    takes precedence.
+    `FixedTimeReaching` is `fixed_time`, `PrescribedPerformance` is `prescribed_performance`. The class variable `kind`,
+    if it is set, is the name instead.
     """
     if own := vars(part).get("kind"):
         return str(own)

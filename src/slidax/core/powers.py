@@ -1,4 +1,8 @@
-"""Power functions, saturations and norms with finite derivatives at zero."""
+"""Power functions, saturations and norms with finite derivatives at zero.
+
+For exponents p below 1, the slope of `|x|^p sgn(x)` is infinite at 0. The power functions therefore replace it by
+another function in a core, `|x| < delta`.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +20,8 @@ from .types import Scalar, Vector
 def power(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
     """`x^a` for `x >= 0`.
 
-    Its derivative is taken as `a x^a / x`, and as 0 at `x = 0` (true for a > 1). A function and its time derivatives
-    then share a single power, by far the most expensive operation of a step, and no infinity occurs at 0.
+    Its derivative is computed as `a x^a / x`, and as 0 at `x = 0` (true for a > 1), so that it is never infinite. A
+    function and its time derivatives then share a single power, by far the most expensive operation of a control step.
 
     - `x`: base, not negative.
     - `a`: exponent, broadcast with `x`.
@@ -186,15 +190,15 @@ def unit_vector(x: Vector, layer: Scalar) -> Vector:
     """`x/(‖x‖ + layer)`, [n], and 0 at x = 0.
 
     - `x`: vector [n].
-    - `layer`: >= 0, in the unit of `x`; 0 gives the unit vector.
+    - `layer`: boundary layer >= 0, in the unit of `x`; 0 gives the unit vector.
     """
     size = vector_norm(x) + layer
     return x / jnp.where(size > 0, size, 1.0)
 
 
 def tangent_mask(primals: Any, tangents: Any) -> Any:
-    """A tree of bools like `primals`, True for each leaf with a tangent.
+    """Return a pytree of bools with the structure of `primals`: True for each leaf that has a tangent.
 
-    - `tangents`: from `eqx.filter_custom_jvp`, with None for constants.
+    - `tangents`: tangents in a rule of `eqx.filter_custom_jvp`, None for constants.
     """
     return jax.tree.map(lambda p, d: d is not None, primals, tangents, is_leaf=lambda x: x is None)

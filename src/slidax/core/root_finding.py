@@ -50,16 +50,16 @@ def increasing_root(
     It takes at most `ITERATIONS` iterations for any f, target and guess. Then either `|f(x) - target| <= tolerance`, or
     x is within `(upper - lower) 2⁻⁵²` of the root: the bracket always contains the root, and 52 iterations halve it.
 
-    The derivative for JAX is that of the exact root, `dx = (d target - ∂f/∂parameters d parameters)/f'`. It does not
-    depend on the iterations.
+    JAX's derivative of x is that of the exact root, `dx = (d target - ∂f/∂parameters d parameters)/f'`, whatever the
+    iterations were.
 
-    - `function`: f, with its slope; each entry increasing.
+    - `function`: from `parameters` and x to f(x) and its slope, [n] each; entry k is an increasing function of x_k.
     - `parameters`: further arguments of f; any pytree.
-    - `target`: [n].
+    - `target`: wanted value of f, [n].
     - `guess`: first point, inside the bracket, [n].
-    - `at_guess`: value and slope at the guess.
-    - `bracket`: two points with the root between them, [n] each.
-    - `tolerance`: largest distance of the value from the target, [n].
+    - `at_guess`: value and slope of f at the guess, [n] each.
+    - `bracket`: (lower, upper), with the root between them, [n] each.
+    - `tolerance`: largest allowed distance of f(x) from the target, [n].
     """
     return _root(function, parameters, target, (guess, at_guess, bracket, tolerance))
 

@@ -27,7 +27,7 @@ Lines = Generator[tuple[int, str], None, None]
 
 @dataclass(frozen=True)
 class TableFormat:
-    """The form of a table.
+    """The format of a table in a text file.
 
     - `separator`: column separator; " " for any white space.
     - `comma`: True if the decimal sign is a comma.
@@ -42,7 +42,7 @@ class TableFormat:
 
 
 def lines_of(file: BinaryIO, name: str) -> Lines:
-    """Yield the lines of a table with their numbers; skip lines that are empty or have only separators.
+    """Yield pairs (line number, line) of a table; skip lines that are empty or have only separators.
 
     - `file`: the table; it is read from its start.
     - `name`: file name, for messages.
@@ -120,9 +120,12 @@ def table_format(lines: Lines, name: str, example: str) -> TableFormat:
 
 
 def rows_of(lines: Lines, form: TableFormat, columns: Sequence[int], name: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of each line below the titles, and its entries in the chosen columns, with decimal points.
+    """Yield the number of each line below the titles, and its entries in the chosen columns, as text.
+
+    Decimal commas become points.
 
     - `lines`: lines from the start of the table.
+    - `form`: format of the table.
     - `columns`: indices of the chosen columns, from 0.
     - `name`: file name, for messages.
 
@@ -150,7 +153,7 @@ def rows_of(lines: Lines, form: TableFormat, columns: Sequence[int], name: str) 
 
 
 def is_number(cell: str) -> bool:
-    """True if an entry is a number; infinity and NaN are numbers, too."""
+    """True if a table entry, as text, is a number; infinity and NaN count as numbers."""
     try:
         float(cell)
     except ValueError:

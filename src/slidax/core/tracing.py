@@ -14,9 +14,9 @@ Tree = TypeVar("Tree")
 
 
 def barrier(x: Tree) -> Tree:
-    """Return `x` behind an optimization barrier, so that XLA computes it once.
+    """Return a pytree unchanged, but with an optimization barrier that makes XLA compute it only once.
 
-    Without the barrier XLA repeats operations that it considers cheap, also sines and cosines, in every consumer.
+    Otherwise XLA repeats operations that it considers cheap, such as sines and cosines, wherever `x` is used.
 
     - `x`: any pytree of arrays.
     """
@@ -24,9 +24,9 @@ def barrier(x: Tree) -> Tree:
 
 
 def select(condition: Bool[Array, ""], yes: Tree, no: Tree) -> Tree:
-    """Return one of two trees of the same structure; a leaf that both share costs nothing.
+    """Return one of two pytrees with equal structure, by a condition; a leaf that is in both costs nothing.
 
-    - `condition`: True for `yes`.
+    - `condition`: True for `yes`; its value may be unknown until run time.
     - `yes`, `no`: pytrees of arrays.
     """
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)

@@ -39,7 +39,7 @@ def _numbers(value: Any, like: Any = None) -> Any:
 
 
 class State(eqx.Module):
-    """Joint positions and velocities. Also used for their rates: `State(q=dq, dq=ddq)`.
+    """Joint positions and velocities. Also used for their time derivatives: `State(q=dq, dq=ddq)`.
 
     - `q`: positions [n], rad for a revolute joint, m for a prismatic one.
     - `dq`: velocities [n], rad/s or m/s; at rest if not given.
@@ -88,10 +88,11 @@ class Command(eqx.Module):
     """Controller output at one sample.
 
     - `tau`: joint torques [n], N m (N for a prismatic joint).
-    - `memory`: the controller's memory after this sample; the same tree as before it.
+    - `memory`: the controller's memory after this sample, with the tree structure of the memory before it.
     - `signals`: internal quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
-    - `rate`: time derivative of a memory with a differential equation, such as an adaptive gain; a tree like `memory`.
-      The loop integrates it: over a period in held mode, with the plant in continuous mode. Else None.
+    - `rate`: time derivative of a memory that follows a differential equation, such as an adaptive gain; a tree like
+      `memory`. The loop integrates it: over a period in held mode (one torque per sample), together with the plant in
+      continuous mode. None for other memories.
     """
 
     tau: Vector

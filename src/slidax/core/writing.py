@@ -1,4 +1,4 @@
-"""Replace files atomically: a reader sees the old content or the new content."""
+"""Replace files atomically: a reader sees the old content or the new content, never a part of it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NAME = re.compile(r"\.slidax-(?P<host>.+)-\d+-[0-9a-f]{12}\.tmp")
 
 
 def error_reason(error: OSError) -> str:
-    """The reason why a file cannot be written, with the remedy for a full disk."""
+    """Text for a message: the reason why a file cannot be written, with a remedy if the disk is full."""
     text = error.strerror or str(error)
     if error.errno not in NO_ROOM:
         return text
@@ -128,9 +128,9 @@ def replace_file(path: str | Path, *, follow: bool = True) -> Iterator[IO[bytes]
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove the temporary files in a folder whose writers have ended.
+    """Remove temporary files from a folder if the processes that wrote them have ended.
 
-    Files of live processes stay. Where the file system has no locks, all stay.
+    Without file locks, as on Windows, all temporary files stay.
 
     - `folder`: folder with files that this module wrote.
     """

@@ -1,4 +1,7 @@
-"""Candidate designs: the values that a search chooses, and the scenario for each of them."""
+"""Candidate designs: the values that a search chooses, and the scenario for each of them.
+
+The searched law is `cftsmppc` in its sampled-data form. Its symbols and parameters are those of a scenario file.
+"""
 
 from __future__ import annotations
 
@@ -60,15 +63,16 @@ def template(deadline: float) -> dict[str, Any]:
 class DesignPoint:
     """Searched values of a law.
 
-    - `horizon`: H, over which a step plans [s].
-    - `drift`: factor of the disturbance drift, as in `DRIFTS`; None with the `measured` estimator.
+    - `horizon`: planning horizon H of the law [s].
+    - `drift`: factor of the assumed disturbance drift, to whose square the Kalman filter's noise density is
+      proportional; None with the `measured` estimator.
     - `slope`, `bend`: factor of the surface gains k1 and k2, relative to `slidax new`, and a further factor of k2.
     - `final`: final radius ρ∞ of each joint's envelope [n], rad or m.
     - `deadline`: T, time from which on the envelope has its final radius [s].
     - `margin`: u, size of the robust torque [N m]; None for the default bound of the arm.
-    - `even`: 0 for drifts in proportion to each joint's torque, 1 for equal drifts.
-    - `overshoot`: ϑ, width of the envelope's side away from the initial error, over ρ.
-    - `gain`: gain of the `measured` estimator over its default for this horizon.
+    - `even`: distribution of the assumed drift over the joints: 0 in proportion to each joint's rated torque, 1 equal.
+    - `overshoot`: ϑ, width of the envelope's narrower side over its radius ρ.
+    - `gain`: factor of the `measured` estimator's gain, relative to its default for this horizon.
     """
 
     horizon: float
@@ -90,14 +94,14 @@ class DesignSpace:
     - `base`: the scenario with the scheme from `template`.
     - `initial`: initial radius ρ0 of each joint's envelope [n], rad or m.
     - `shape`: final radius of each joint [n], rad or m, up to a common factor that is searched.
-    - `torque`: rated torque, or an assumed one (`UNRATED`) [n], N m or N.
-    - `middle`: geometric mean of the torques of all joints with the same unit [n].
-    - `period`, `delay`: h [s], and the delay of measurement and command [periods].
+    - `torque`: rated torque of each joint; without a torque limit an assumed one [n], N m or N.
+    - `middle`: for each joint, the geometric mean of `torque` over all joints with the same unit [n].
+    - `period`, `delay`: sampling period h [s], and the delay of measurement and command together [periods].
     - `has_velocity`: True if velocities are measured.
     - `changes`: largest torque step of each drive [n], N m or N; infinite without a rate limit.
     - `least_margin`: lower limit of the robust torque's size u if u is searched [N m]; None if it is not.
-    - `along`: True if the law must have the form that `tracking_bound` covers: equal loops in all joints, no learning.
-      Otherwise the law learns the inertia.
+    - `along`: True if the law must have the form that the certificate `tracking_bound` covers: equal estimator gains in
+      all joints, and no adaptation. Otherwise the law learns the inertia.
     """
 
     base: ScenarioDescription
@@ -129,14 +133,19 @@ class DesignSpace:
         return tuple(sorted({round(max(count * unit, self.least), 9) for count in counts}))
 
     def density(self, drift: float, even: float = 0.0) -> Floats:
-        """Return the spectral density of the disturbance torque's drift for each joint's filter, [n], (N m/s)² s.
+        """Return the Kalman filters' `torque_density`, the drift noise of the disturbance torques, [n], (N m/s)² s.
 
         - `drift`, `even`: as in `DesignPoint`.
         """
         return (drift * DRIFT * self.torque * (self.middle / self.torque) ** even) ** 2
 
     def common_density(self, drift: float) -> float:
-        """Return the spectral density of the disturbance acceleration's drift, equal for all joints, (rad/s³)² s."""
+        """Return the Kalman filters' `acceleration_density`, equal for all joints, (rad/s³)² s.
+
+        It is the density of the white noise that drives the disturbance acceleration.
+
+        - `drift`: as in `DesignPoint`.
+        """
         return float(f"{drift**2:.4g}")
 
     def measured_gain(self, choice: DesignPoint) -> float:
@@ -194,7 +203,7 @@ class DesignSpace:
         return replace(self, base=self.base.model_copy(update={"simulation": simulation}), period=period)
 
     def values(self, choice: DesignPoint) -> dict[str, Any]:
-        """Return the searched values of a law: one entry for each dotted path of the scenario."""
+        """Return the searched values of a law by their dotted paths in the scenario, such as `scheme.surface.k1`."""
         performance = "scheme.transformation.performance"
         result: dict[str, Any] = {
             "scheme.sampled_data.horizon": choice.horizon,

@@ -64,10 +64,11 @@ class DesignResult:
     - `description`: the scenario with the law.
     - `proof`: `bound` if `tracking_bound` certifies the law inside its envelope; `tested` if it was only simulated.
     - `space`, `choice`: common and searched values of the law.
-    - `worst`: worst values of the law over the common cases.
-    - `demand`: demand of motion and uncertainty on the drives and on the robust torque; None if it has no bound.
-    - `bound`: verdict of `tracking_bound`; None if no bound is required.
-    - `check`: verdict of `statistical`, from random cases and a search.
+    - `worst`: worst values of the law over the common cases, which are simulated with all laws.
+    - `demand`: torques that motion and uncertainty require of the drives and of the robust torque; None if they have no
+      bound.
+    - `bound`: verdict of the certificate `tracking_bound`; None if no bound is required.
+    - `check`: verdict of the certificate `statistical`, from new random cases and a search for the worst case.
     - `runs`: number of runs that were simulated for the design.
     - `speeds`: certified error against the speed of other motions, if a bound is required in a workspace.
     """
@@ -85,7 +86,7 @@ class DesignResult:
 
     @property
     def spared(self) -> float:
-        """Envelope margin in the worst case of the check, as a share of the width; inf if the check has none."""
+        """Least distance of the error to the envelope in the check, as a share of its width; inf if unknown."""
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
@@ -101,14 +102,15 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
     """Design a law for an arm and its task; return the result, or a refusal with the reason.
 
     1. In closed form: the envelope's initial radius ρ0 from the initial states, its deadline T as required, the size u
-       of the robust torque from `robust_torque`, and a scale of the horizon H and of the estimator's density from the
-       period, the delay and the drives.
-    2. A grid of H, density and three surfaces, simulated on eight cases of the uncertainty set.
-    3. CMA-ES over all these values, the overshoot ϑ and the final radius ρ∞, from the best point of the grid.
-    4. ρ∞ from `tracking_bound` if a bound is required; otherwise the smallest that holds in 48 cases.
-    5. A check by new random cases and a search for the worst case. If a case leaves the envelope, step 3 is repeated
-       with the worst cases added.
-    6. In a workspace, `tracking_bound` along other motions, at several speeds.
+       of the robust torque from `robust_torque`, and the grid of step 2 from the period, the delay and the drives.
+    2. A grid of the planning horizon H and the estimator's density, simulated on eight cases of the uncertainty set.
+       Three slopes of the sliding surface are simulated for the best law of the grid.
+    3. CMA-ES over all these values, the overshoot ϑ and the final radius ρ∞, from the best law of step 2.
+    4. ρ∞ as the required accuracy, or for `best` from the smallest ρ∞ that holds in 48 cases. If a bound is required,
+       `tracking_bound` must certify ρ∞.
+    5. A check by new random cases and a search for the worst case. If a case leaves the envelope, comes too near its
+       edge or exceeds the required torque step, step 3 is repeated with the worst cases added.
+    6. In a workspace, if a bound is required, `tracking_bound` along other motions at several speeds.
 
     - `problem`: from `read_problem`.
     - `runs`: number of random cases in the final check.
@@ -193,9 +195,9 @@ def _begin(problem: DesignProblem) -> tuple[DesignSpace, DesignPoint]:
 def law_with_bound(space: DesignSpace, first: DesignPoint) -> tuple[DesignPoint, Verdict]:
     """Return the law with the smallest error bound by `tracking_bound` on a grid, and its verdict.
 
-    The grid is over the horizon H and the estimator's density. If no verdict holds, return the law with the fewest
-    failing assumptions, and of these the one with the longest H.
-    For each density, H decreases until a law fails after one that held, since torque steps usually grow as H gets
+    The grid is over the planning horizon H and the estimator's density. If no verdict holds, return the law with the
+    fewest failing assumptions, and of these the law with the longest H. For each density the search begins at the
+    longest H, and ends at the first law that fails after a certified law, since torque steps usually grow as H gets
     shorter. A certified law with a still shorter H would be missed.
 
     - `space`: values that are common to all laws.

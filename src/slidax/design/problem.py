@@ -43,7 +43,8 @@ class WorkspaceDescription(AbstractDescription):
     def motion(self, arms: Arms) -> dict[str, Any]:
         """Return a trajectory as in a scenario file: sinusoids about the middle of the range.
 
-        Their amplitudes A are as large as the range and the limits `A ω <= v`, `A ω² <= a` allow.
+        Their amplitudes A are as large as 80 % of the range and the limits `A ω <= v`, `A ω² <= a` allow. Here ω is the
+        frequency, v the largest speed, and a the largest acceleration.
 
         - `arms`: the arms of the scenario.
 

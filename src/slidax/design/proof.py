@@ -1,4 +1,7 @@
-"""Certificates of a design: demand on the drives, error bound, and estimation error against the loop-rate rule."""
+"""Certificates of a design: torque demand on the drives, error bound, and estimation error of the disturbance.
+
+The loop-rate rule of docs/loop-rate.md limits the estimation error.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,9 @@ from .trials import Trials
 
 @dataclass(frozen=True)
 class DriveDemand:
-    """Demand of the motion and the uncertainty set on the drives and on the size u of the robust torque.
+    """Torques that the motion and the uncertainty set require of the drives and of the law's robust torque.
 
-    - `demand`: demand on the joints' loops.
+    - `demand`: disturbances that the joints' estimators must follow, and errors of the law's inertia.
     - `torque`, `limit`: largest torque along the motion, and torque limit of the drives [n], N m or N.
     - `u`: size of the law's robust torque [N m].
     - `needed`: largest model error that u must cover, as in the paper's eqs. (44), (45) [N m].
@@ -40,7 +43,7 @@ class DriveDemand:
 
 
 def drive_demand(scenario: Scenario) -> DriveDemand:
-    """Return the demand of a scenario on its drives and its robust torque, for all members of its uncertainty set.
+    """Return the torques that a scenario requires of its drives and of its robust torque, over its uncertainty set.
 
     Raises DefinitionError if the demand of the scenario cannot be bounded.
     """
@@ -68,13 +71,13 @@ RADII = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 32.0, 64.0)
 def certified_radii(
     choice: DesignPoint, verdict_of: Callable[[DesignPoint], Verdict], largest: Floats
 ) -> tuple[DesignPoint, Verdict] | None:
-    """Widen a law's final radii by the smallest factor of `RADII` for which the verdict holds.
+    """Widen the envelope's final radii by the smallest factor in `RADII` with which a law is certified.
 
-    Return the law and its verdict; None if the verdict holds for no factor. The search bisects the factors, since a
-    wider envelope is easier to certify.
+    Return the law with these radii, and its verdict; None if no factor suffices. The search bisects the factors, since
+    a wider envelope is easier to certify.
 
-    - `choice`: the law.
-    - `verdict_of`: function from a law to its verdict.
+    - `choice`: the law, with the smallest final radii to try.
+    - `verdict_of`: returns the certificate's verdict on a law.
     - `largest`: largest final radii [n], rad or m.
     """
 
@@ -110,8 +113,8 @@ NARROW = 1.05
 class EstimationError:
     """Estimation error w̄ of each joint, and its limit by the loop-rate rule `(H + D h)² w̄ < ϑ ρ∞` (docs/loop-rate.md).
 
-    w̄ bounds the acceleration that the estimator misses. H is the horizon, D the delay in periods h, ϑ ρ∞ the width of
-    the envelope's narrower side at the end.
+    w̄ is the largest error of the estimated disturbance acceleration. H is the planning horizon, h the period, D the
+    delay in periods, and ϑ ρ∞ the final width of the envelope's narrower side.
 
     - `names`, `units`: names of the joints, and units of their positions.
     - `missed`, `allowed`: w̄, and its limit [n], rad/s² or m/s².
@@ -144,7 +147,11 @@ class EstimationError:
 
 
 def error_in_cases(trials: Trials, choice: DesignPoint) -> EstimationError:
-    """Return a law's largest estimation errors while its envelope is narrow, over the first `FEW` common cases."""
+    """Return each joint's largest estimation error over 8 simulated cases, from when the envelope is narrow.
+
+    - `trials`: simulates the law in the first common cases.
+    - `choice`: the law.
+    """
     law, cases = trials.space.values(choice), trials.cases(FEW)
     rows = len(next(iter(cases.values()))) if cases else 1
     values: Values = {

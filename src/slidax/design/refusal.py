@@ -44,7 +44,7 @@ class Refusal:
 
     - `reason`: sentences with the joint, the value and its limit, and the remedies.
     - `would_do`: remedies: changes of the requirements, of which each alone makes a law possible.
-    - `missed`: estimation errors against the loop-rate rule; None if they are not the reason.
+    - `missed`: estimation errors and their limits by the loop-rate rule; None if they are not the reason.
     """
 
     reason: str
@@ -111,9 +111,11 @@ def deadline_refusal(trials: Trials, best: WorstCase) -> Refusal:
 def torque_step_refusal(trials: Trials, best: WorstCase, required: float, check: Verdict | None = None) -> Refusal:
     """Return the refusal of a required torque step that no law meets, with a remedy.
 
+    A torque step is the torque's change from sample to sample in the steady state.
+
     - `trials`: simulates the laws.
     - `best`: the law with the smallest torque step.
-    - `required`: required torque step [N m].
+    - `required`: largest allowed torque step [N m].
     - `check`: the check by new cases, if the law failed there.
     """
     step, cases = (best.step, best.cases) if check is None else (check.bound["steady_torque_step"], check.bound["runs"])

@@ -1,4 +1,7 @@
-"""The search for a design: horizon and estimator first, then all values by CMA-ES, then the final radius."""
+"""The search for a design: horizon and estimator first, then all values by CMA-ES, then the final radius.
+
+All candidate laws are simulated in the same cases of the uncertainty set, the common cases.
+"""
 
 from __future__ import annotations
 
@@ -116,13 +119,13 @@ LEAST_MARGIN = 0.01
 
 
 def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
-    """Return the law with the best horizon, estimator density and surface on a grid, with its worst case.
+    """Return the best law of a grid of horizons and estimator densities, with its worst case.
 
-    The envelope is that of `trials.first`.
+    Then three slopes of the sliding surface are tried for the best law. The envelope is that of `trials.first`.
 
     - `trials`: simulates the laws.
-    - `aim`: the objective.
-    - `kalman`: True for a Kalman filter, whose density is searched.
+    - `aim`: the objective, whose cost ranks the laws.
+    - `kalman`: True for a Kalman filter, whose density is searched; False for the `measured` estimator.
     """
     cases, first = trials.widened_cases(FEW), trials.first
     drifts = DRIFTS if kalman else (None,)
@@ -135,14 +138,15 @@ def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
 
 
 def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
-    """Search around a law by CMA-ES, and return the best law by its worst case of many.
+    """Search around a law by CMA-ES, and return the law with the best worst case over 96 cases.
 
-    Each turn searches in few cases, and corrects the next turn in two ways: by the ratio of the largest torque steps
-    in few and in many cases, and by the hardest of the many cases, which it adds to the few.
+    Each turn searches in few cases, and simulates its best laws in many cases. The hardest of these are added to the
+    few cases of the next turn. The allowed torque step of the next turn is reduced by the ratio of the largest torque
+    steps in few and in many cases.
 
     - `trials`: simulates the laws.
     - `best`: the law at which the search begins.
-    - `aim`: the objective.
+    - `aim`: the objective, whose cost ranks the laws.
     """
     cases, many = trials.widened_cases(POLISH), trials.widened_cases(MOST)
     free = trials.problem.requirements.accuracy == "best"
@@ -185,7 +189,9 @@ def _near_narrowest(trials: Trials, best: WorstCase) -> WorstCase:
 
 
 def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) -> WorstCase | None:
-    """Return the law with the smallest final radius that holds in all common cases; None if even the largest fails.
+    """Return the law with the smallest final radius that holds in 48 cases; None if even the largest radius fails.
+
+    A law holds if each error keeps a margin of 1 % of the envelope's width, and no torque step exceeds `step`.
 
     - `trials`: simulates the laws.
     - `best`: the law whose other values the result has.

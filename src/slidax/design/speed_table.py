@@ -31,10 +31,10 @@ class SpeedRow:
     - `speed`: share of the workspace's largest speed; accelerations are scaled by its square.
     - `motions`: number of motions at this speed.
     - `certified`: number of motions with an error bound within the final radius, and without an active torque limit.
-    - `steps`: number of certified motions without an active torque-rate limit, either.
+    - `steps`: number of certified motions for which the torque-rate limit is not active either.
     - `median`, `largest`: median and largest error bound of the certified motions, for the worst joint [rad or m]; None
       if no motion is certified.
-    - `reason`: the term that is largest in most bounds; if no motion is certified, the first limit that is exceeded.
+    - `reason`: the term that dominates most error bounds; if no motion is certified, the first limit that is exceeded.
     """
 
     speed: float

@@ -1,4 +1,7 @@
-"""Simulation of candidate laws in common cases of the uncertainty set: the worst case of each law, and its cost."""
+"""Simulation of candidate laws in common cases: the worst case of each law, and its cost.
+
+A case has a value for each uncertain parameter of the scenario. All laws are simulated in the same, common cases.
+"""
 
 from __future__ import annotations
 
@@ -35,14 +38,15 @@ LOAD = "load.mass"
 
 @dataclass(frozen=True)
 class WorstCase:
-    """Worst values of a law over the common cases, which are the same for all laws.
+    """Worst values of a law over the common cases.
 
     - `choice`: values of the law.
     - `margin`: least distance to the nearer side of the envelope, over the envelope's width; negative outside.
     - `error`, `step`: largest steady error [rad or m], and largest torque step from sample to sample [N m or N].
     - `drive_share`: largest torque step over the step that the joint's drive allows.
     - `joint`: index of the joint nearest to its envelope in the case with the least margin.
-    - `guarantee_margin`: least `margin` of a guarantee monitor that lets the error use the whole envelope.
+    - `guarantee_margin`: least relative margin of the law's monitor if it warns only at the envelope itself; -1 without
+      a monitor.
     - `outside`, `cases`: number of cases that left the envelope, and of all cases.
     - `case`: index of the case with the least margin.
     """
@@ -66,13 +70,14 @@ class WorstCase:
 
 @dataclass(eq=False)
 class Trials:
-    """Simulation of candidate laws, all in the same cases of the uncertainty set, by one compiled loop.
+    """Simulation of candidate laws in the common cases by one compiled loop.
 
     - `problem`: the arm, its task and the requirements.
     - `space`: the values that are common to all laws.
     - `first`: the law for which the loop is compiled.
-    - `smaller`: used share of an uncertainty set's width, by the set's dotted path; 1 for all other sets.
-    - `harder`: hard cases among the common ones, the newest first: an array of values for each dotted path.
+    - `smaller`: used share of an uncertainty set's range, from its lower end, by the dotted path of the parameter; 1
+      for all other sets.
+    - `harder`: hard cases that the common cases include, the newest first, in the form of `cases`.
     """
 
     problem: DesignProblem
@@ -123,7 +128,7 @@ class Trials:
     def cases(self, count: int) -> Values:
         """Return the common cases: corners of the uncertainty set, hard cases, and random cases.
 
-        The result has an array of values for each dotted path of an uncertain parameter; first axis: the case.
+        The result has an array of values for each uncertain parameter, by its dotted path; the first axis is the case.
 
         - `count`: number of cases.
         """
@@ -178,7 +183,7 @@ class Trials:
     def with_smaller_sets(self, smaller: dict[str, float]) -> Trials:
         """Return trials with smaller uncertainty sets, in the same loop.
 
-        - `smaller`: used share of an uncertainty set's width, by the set's dotted path.
+        - `smaller`: used share of an uncertainty set's range, as in the field `smaller`.
         """
         return self._share_compiled(replace(self, smaller=smaller))
 
@@ -283,13 +288,16 @@ each base exceeds all costs of the later kinds."""
 
 @dataclass(frozen=True)
 class Objective:
-    """Cost that ranks laws: first by margin, then by torque step, then by steady error, then by a weighted sum.
+    """Cost that ranks laws by their worst cases; a lower cost is better.
+
+    Laws that leave the envelope have the highest cost. Then follow laws with too small a margin, too large a torque
+    step, and too large a steady error. All others are ranked by torque step, or by a weighted sum of logarithms.
 
     - `step`: largest allowed torque step [N m].
     - `required`: True if `step` is a requirement, so that smaller steps have no advantage.
     - `error`: required steady error [rad or m], below which the law with the smallest step is best; None without one.
-    - `room`: least margin in the worst case, as a share of the envelope's width.
-    - `own_share`: largest `drive_share`.
+    - `room`: least allowed margin to the envelope, as a share of its width.
+    - `own_share`: largest allowed `drive_share` of `WorstCase`.
     """
 
     step: float
@@ -322,8 +330,10 @@ class Objective:
         return min(candidates, key=self.cost)
 
     def stricter(self, share: float) -> Objective:
-        """Return the objective with smaller allowed torque steps, since few cases show smaller ones than many.
+        """Return the objective with smaller allowed torque steps, for a search in few cases.
 
-        - `share`: factor of the steps.
+        Few cases show smaller torque steps than many.
+
+        - `share`: factor of the allowed steps.
         """
         return replace(self, step=share * self.step, own_share=share * self.own_share)

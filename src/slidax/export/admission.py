@@ -1,8 +1,8 @@
 """C99 code that admits or rejects motions: the inequalities of `slidax admit`, with the constants of one certified law.
 
-Its tables are the impulse-response kernels of the joints' error loop: for each lag, and beyond the loop's memory for
-groups of lags. The C code sums them over the cells (short pieces) of a motion, for the rate at which norms grow along
-the motion.
+Its tables are the worst-case impulse responses (kernels) of the joints' error loop. Each lag within the loop's memory
+has its own entry; later lags share one per group. The C code sums the kernels over the cells of a motion, which are
+short time intervals. It weights each lag by its age, since the inertia-weighted norm changes along the motion.
 """
 
 from __future__ import annotations

@@ -58,13 +58,13 @@ class CProject:
     - `command`: the command line of the export.
     - `joints`: names and units of the joints.
     - `dialect`: number type of the C code.
-    - `guard`: the step in Python.
-    - `step`, `source`: the step's programs, and its functions in C.
+    - `guard`: the law with its checks, as a Python object; one call of it computes one sample.
+    - `step`, `source`: the functions of `guard` as lists of scalar operations, and as C source.
     - `motion`, `arm`: bodies of the C functions for the scenario's reference and for the arm's acceleration.
     - `scenario_helpers`: lines of the small functions that `motion` and `arm` call.
     - `tables`: long constant arrays that `motion` and `arm` read.
     - `stream`: the filter of streamed positions in C; None if the scenario's motion is not streamed.
-    - `golden`: golden samples; None without tests.
+    - `golden`: golden samples, which are inputs of the step with its expected results; None without tests.
     - `period`, `t1`: sample time and end time of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
     - `start`: initial positions and velocities of the joints.
@@ -137,7 +137,7 @@ class CProject:
 
     @property
     def read_flags(self) -> str:
-        """C initialiser with one flag for each number of q and dq, and one for t: true if the law reads the number."""
+        """C initialiser of flags, one per number in q and dq, then one for t: true if the law reads the number."""
         n = len(self.joints)
         flags = [name in self.guard.reads for name in ("state.q", "state.dq") for _ in range(n)] + [True]
         return ", ".join("true" if flag else "false" for flag in flags)
@@ -150,7 +150,7 @@ class CProject:
 
     @property
     def golden_is_close(self) -> bool:
-        """True if the C test compares all results. False for a law in floats with other constants than in doubles."""
+        """True if the C test compares all results; False for a law in floats with other constants than in Python."""
         return self.real == "double" or has_float_constants(self.step.answered.program)
 
     @property
@@ -161,7 +161,7 @@ class CProject:
 
     @property
     def longest(self) -> OperationCount | None:
-        """Upper bound of a step's operations; None if a loop has no bound of its iterations."""
+        """Upper bound of the number of operations in one step; None if a loop's number of iterations has no bound."""
         step = self.step
         each = [
             count_operations(part.program) for part in (step.checked, step.begun, step.held, step.valid, step.answered)
@@ -200,7 +200,7 @@ class CProject:
 
     @property
     def ranges(self) -> list[str]:
-        """Arguments of the C function `within` for each parameter: address, count, lower and upper bound."""
+        """C arguments for a range check by `within`, one text per parameter: address, count, lower and upper bound."""
         pairs = zip(self.step.parameters, self.step.bounds, strict=True)
         return [
             ", ".join((self.address("parameters->", member), str(member.size), *map(self._bound, bounds)))
@@ -242,7 +242,7 @@ class CProject:
         return self._marked(references(len(self.joints)), names)
 
     def bits(self, conditions: Iterable[Condition]) -> str:
-        """Return the C expression of a status: the bits of conditions whose C variables, of equal name, are true."""
+        """Return the C expression of a status: the sum of the bits of those `conditions` whose C variable is true."""
         flags = (f"({each.name.lower()} ? {self.macro}_{each.name} : 0u)" for each in conditions)
         return "\n        | ".join(flags)
 
@@ -251,11 +251,11 @@ class CProject:
         return self.dialect.number(number, "f64")
 
     def call(self, name: str) -> str:
-        """Return the name of a `math.h` function for the project's number type, from the name of its double version."""
+        """Return the name of a `math.h` function for the project's number type: `sin` or `sinf` for `name` "sin"."""
         return self.dialect.function(name, "f64")
 
     def address(self, pointer: str, member: Member) -> str:
-        """Return the C expression for the address of a member's first number.
+        """Return the C expression for the address of a structure member's first number.
 
         - `pointer`: C text before the member's name, such as `parameters->`.
         """
@@ -377,7 +377,7 @@ def export_c(
 
 
 def describe_law(exported: CProject) -> dict[str, Any]:
-    """Return the content of `law.json`: names, units, timing, structures and status bits, for languages without C."""
+    """Return the content of `law.json`: names, units, timing, structures and status bits, for other languages."""
     return {
         "name": exported.name,
         "prefix": exported.prefix,
@@ -417,7 +417,7 @@ def write_files(exported: CProject, out: str | Path, templates: Mapping[str, str
     """Write files from templates to the folder `out`.
 
     - `templates`: output file of each template; `{prefix}` and `{name}` stand for the law's prefix and name.
-    - `values`: variables of the templates in addition to `x`, the exported law.
+    - `values`: further variables of the templates; they can also read the exported law, as `x`.
 
     Raises DefinitionError if the folder cannot be written.
     """
@@ -446,7 +446,7 @@ def project(
     command: str = "",
     with_golden: bool = True,
 ) -> CProject:
-    """Return the exported law that `export_c` writes to files.
+    """Return a scenario's law as a `CProject` in memory; `export_c` writes it to files.
 
     - `with_golden`: include golden samples, which take most of the time; other arguments as in `export_c`.
 

@@ -1,4 +1,7 @@
-"""C source of the programs of a guarded step, and of the functions that these programs share."""
+"""C source of the programs of a guarded step, and of the functions that these programs share.
+
+A program is a function as a list of scalar operations (`slidax.codegen.ir.Program`).
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ class FunctionBody:
     """Body of a C function.
 
     - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: its stack, if no two of its variables share memory, with the deepest call [bytes].
+    - `bytes`: bound of its stack [bytes], with that of the deepest call. Arrays of one block share no memory.
     """
 
     lines: list[str]
@@ -47,10 +50,10 @@ class SharedFunction:
 
     - `program`: the operations of the function.
     - `name`: name in C.
-    - `arrays`: for each input of the program, the law parameter that all calls pass; the body reads it directly. None
-      if the calls differ: the input is an argument.
+    - `arrays`: one entry for each input of the program. If all calls pass the same law parameter, it is this parameter,
+      which the body reads directly. Otherwise it is None, and the C function has an argument for the input.
     - `body`: its body.
-    - `derived`: body of the function that precomputes its values that depend only on the parameters.
+    - `derived`: body of a second C function, which precomputes those values that depend only on the parameters.
     """
 
     program: Program
@@ -61,7 +64,7 @@ class SharedFunction:
 
     @property
     def local(self) -> list[str]:
-        """Names of its arguments and of the array for its results, which no other variable may have."""
+        """Reserved names: those of its arguments, and that of the array for its results."""
         return [RESULT, *(self.argument(k) for k in self.passed)]
 
     @property
@@ -90,7 +93,7 @@ class SharedFunction:
         return f"{self.name}: computed more than once by the law."
 
     def read(self, which: int, element: int | str) -> str:
-        """Return the C expression of an input's element; `which` is the input's index."""
+        """Return the C expression that reads an input's element; `which` is the input's index."""
         array = self.arrays[which]
         if array is not None:
             return array.element(element)
@@ -99,7 +102,7 @@ class SharedFunction:
 
 
 class SharedFunctions:
-    """The C functions that several programs call; equal functions become one.
+    """The C functions that the programs of a step call; equal functions become one.
 
     - `tops`: the calling programs, with the C arrays of their inputs.
     - `taken`: names of other functions and types in C, which these functions must not have.
@@ -129,12 +132,12 @@ class SharedFunctions:
         return self._known[id(program)][1]
 
     def callee(self, program: Program) -> Callee:
-        """Return name and arguments of a call to the C function of a program."""
+        """Return the C function's name and arguments for calls to a program."""
         shared = self.of(program)
         return Callee(shared.name, ("parameters", "workspace"), shared.passed)
 
     def write(self, dialect: Dialect, helpers: Helpers, members: WorkspaceMembers) -> None:
-        """Set the bodies of all functions.
+        """Write the C bodies of all functions, and store them in `shared`.
 
         - `helpers`: collects the small functions that they call.
         - `members`: collects the members of the workspace.
@@ -170,7 +173,7 @@ class SharedFunctions:
         shared.body = function_body(shared, dialect, shares, helpers, self, names, results, kept)
 
     def deepest(self, called: Sequence[Program]) -> int:
-        """Return the largest stack that a call to one of these programs' functions needs [bytes]; 0 for no program."""
+        """Return the largest stack that a call to any of these programs needs in C [bytes]; 0 for no program."""
         return max((self.of(program).body.bytes + FRAME for program in called), default=0)
 
 
@@ -186,9 +189,9 @@ class WorkspaceMembers:
         self._taken = {"from", "known"}
 
     def add(self, values: Sequence[Value], names: Names) -> dict[Value, str]:
-        """Add values to the workspace, and return the C expression of each.
+        """Add values to the workspace, and return the C expression that reads each.
 
-        Values of the same array become an array if there are at least `LEAST`.
+        At least `LEAST` values that the Python source computes as one array become an array in C.
 
         - `names`: C names of the values in their program.
         """
@@ -217,7 +220,7 @@ class WorkspaceMembers:
 
 
 def with_unused_arguments(lines: list[str], arguments: Sequence[str]) -> list[str]:
-    """Return the lines of a C function after added lines `(void)name;` for the arguments that they do not read."""
+    """Return the lines of a C function, preceded by a line `(void)name;` for each argument that they do not read."""
     text = re.sub(r"/\*.*?\*/", "", "\n".join(lines), flags=re.DOTALL)
     # Whole words, and no members of structures: neither `at[0]` nor `then->t` reads `t`.
     return [f"    (void){name};" for name in arguments if not re.search(rf"(?<![.>\w]){name}\b", text)] + lines
@@ -260,8 +263,8 @@ class StepSource:
     - `functions`: functions that the law calls, sorted so that each follows those that it calls.
     - `workspace`: members for values that depend only on the parameters.
     - `helpers`: lines of the small functions that all these functions call.
-    - `bytes`: upper bound of a step's stack. It assumes that no two variables of a block share memory, and that
-      consecutive blocks and functions do.
+    - `bytes`: upper bound of a step's stack [bytes], with a reserve for the compiler. Arrays of one block share no
+      memory; blocks and functions that run one after the other use the same memory.
     """
 
     checked: FunctionBody
@@ -278,7 +281,7 @@ class StepSource:
 
 @dataclass(frozen=True)
 class StreamCode:
-    """The filter of streamed positions in C.
+    """The filter that turns a host's streamed positions into a reference, in C.
 
     - `options`, `state`: members of the C structures for its options and its state.
     - `body`: body of its step function.
@@ -362,12 +365,12 @@ def function_body(
     assigned: list[tuple[str, Value]] | None = None,
     kept: Mapping[Value, str] | None = None,
 ) -> FunctionBody:
-    """Return the body of a function in C.
+    """Write the operations of a function as the body of a C function, and return it.
 
     - `arguments`: names of the C function's arguments.
     - `helpers`: collects the small functions that it calls.
     - `library`: the shared functions that it may call.
-    - `names`: C names of its values; None for the names in the Python source, and of the signals.
+    - `names`: C names of its values; None to name them after the signals and the variables in the Python source.
     - `assigned`: the C lvalues that it assigns, with their values; None for the program's outputs.
     - `kept`: precomputed values, with the C expressions that read them.
     """

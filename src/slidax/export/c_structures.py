@@ -1,4 +1,4 @@
-"""C structures of a step's parameters, memory and signals: names, defaults, valid ranges, and text from templates."""
+"""Members of the C structures for a step's parameters, memory and signals; valid ranges; text from templates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .status import Flag
 
 
 def comment(text: str) -> str:
-    """Return a text for the inside of a C comment: in ASCII, without backquotes and comment delimiters."""
+    """Return a text as it may stand inside a C comment: in ASCII, without backquotes and comment delimiters."""
     return to_ascii(text.replace("`", "")).replace("*/", "* /").replace("/*", "/ *")
 
 
@@ -43,13 +43,13 @@ def shorten(text: str, most: int) -> str:
 
 @dataclass(frozen=True)
 class Member:
-    """One member of a structure.
+    """One member of a C structure, which holds one array of a Python object.
 
     - `name`: name in C.
     - `type`: type of its numbers in `slidax.codegen.ir`, such as "f64".
     - `shape`: () for one number; any other shape becomes a flat array.
-    - `meaning`: a few words with the unit, from the bullet in its class's docstring.
-    - `part`: class name and first words of that docstring.
+    - `meaning`: a few words with the unit, from the bullet for it in the docstring of the object's class.
+    - `part`: name of this class, and first words of its docstring.
     - `values`: its default; None if it has none.
     """
 
@@ -77,8 +77,8 @@ class Member:
 def members(tree: Any, *, strip: Sequence[str] = (), values: bool = False) -> list[Member]:
     """Return a structure member for each array in a tree, in the order of the tree's leaves.
 
-    - `tree`: a module with arrays, or their shapes.
-    - `strip`: names that are omitted from a member's name where they begin the path to its array.
+    - `tree`: a module with arrays, or their shapes. A member is named by the path to its array: `surface_k1`.
+    - `strip`: first keys of a path that the member's name omits.
     - `values`: True if the arrays are the members' defaults.
 
     Raises DefinitionError if two members would have the same name.
@@ -162,7 +162,7 @@ def bullets(owner: type) -> dict[str, str]:
 
 
 class ParameterBounds(NamedTuple):
-    """Closed bounds of the numbers of one array; infinite if the parameter may be infinite."""
+    """Smallest and largest allowed value of an array's numbers; infinite if the parameter may be infinite."""
 
     low: float
     high: float
@@ -171,9 +171,10 @@ class ParameterBounds(NamedTuple):
 def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
     """Return the bounds of each array in a tree, in the order of its leaves; None for integers and booleans.
 
-    An open end is replaced by the next number of the C type `real` inside the range, and an open end at zero by the
-    smallest normal number. An end that is infinite and open, or another parameter, is replaced by the largest finite
-    number. Arrays without a declared range must be finite.
+    A bound itself is an allowed value. An open end of a declared range is therefore replaced by the next number of the
+    C type `real` inside the range, or by the smallest normal number if the end is 0. The largest finite number replaces
+    an infinite open end, and an end that depends on other parameters (see `related_valid`). It also bounds arrays
+    without a declared range.
     """
     kind = np.float64 if real == "double" else np.float32
     largest, least = float(np.finfo(kind).max), float(np.finfo(kind).tiny)
@@ -200,7 +201,7 @@ def constant_bounds(tree: Any, real: str) -> list[ParameterBounds | None]:
 
 
 def related_valid(tree: Any) -> Flag:
-    """True if each parameter in a tree is in its range, as far as the range depends on other parameters."""
+    """True if all parameters in a tree satisfy those ends of their ranges that depend on other parameters."""
     conditions = []
     for part, parameter, value in declared_arrays(tree):
         if parameter is None or not jnp.issubdtype(value.dtype, jnp.inexact):
@@ -214,7 +215,7 @@ def related_valid(tree: Any) -> Flag:
 
 
 def declared_arrays(tree: Any) -> Iterator[tuple[Any, Parameter | None, Any]]:
-    """Yield for each array in a tree: the object that has it, its parameter declaration or None, and the array."""
+    """Yield, for each array in a tree, the object that has it, the parameter's declaration or None, and the array."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         owner, parameter = None, None
         for place, key in _objects_on_path(tree, path):
@@ -244,7 +245,7 @@ def render(template: str, values: dict[str, Any]) -> str:
 
 
 def declarations(members: Sequence[Member], dialect: Dialect) -> list[str]:
-    """Return the C lines that declare members, grouped by part, with default and meaning in a comment."""
+    """Return the C lines that declare members, grouped by `part`, each with its default and meaning as a comment."""
     lines: list[str] = []
     for part, group in groupby(members, key=lambda member: member.part):
         these = list(group)
@@ -287,7 +288,7 @@ def table_definitions(members: Sequence[Member], dialect: Dialect) -> list[str]:
 
 
 def default(member: Member, dialect: Dialect) -> str:
-    """Return a member's default as a short text, one number if all are equal; empty if it has none."""
+    """Return a member's default as a short text: a single number if all are equal; empty if it has no default."""
     if member.values is None:
         return ""
     numbers = ["none" if np.isposinf(number) else _number(number, member, dialect) for number in member.values.ravel()]

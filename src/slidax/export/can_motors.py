@@ -16,7 +16,7 @@ from .robots import RobotLimits, write_onboard
 
 @dataclass(frozen=True)
 class CanMotor:
-    """A motor with the ranges of its CAN frames: ± position [rad], ± speed [rad/s] and ± torque [N m]."""
+    """A motor type, with the ranges that its CAN frames encode: ± position [rad], ± speed [rad/s], ± torque [N m]."""
 
     name: str
     position: float
@@ -51,14 +51,14 @@ def export_can(
     command: str = "",
     golden: bool = True,
 ) -> CProject:
-    """Write a Python program for python-can, C code for the motors' CAN frames, and the law that the program runs.
+    """Write a Python program for python-can to `out`, with C code for the CAN frames and the law that it runs.
 
-    - `motors`: name of each joint's motor in `MOTORS`.
+    - `motors`: motor type of each joint, a name in `MOTORS`.
     - `name`, `single`, `command`: as in `export_c`.
     - `golden`: include the tests and golden samples, which take most of the time.
 
     Raises DefinitionError if a motor is unknown or missing, a torque limit exceeds a motor's range, a joint is
-    prismatic, measurements are not delayed by a period, or the scenario cannot be exported.
+    prismatic, the loop's delay is less than one period, or the scenario cannot be exported.
     """
     joints = scenario.state0.q.size
     for word in motors:

@@ -17,7 +17,9 @@ from .onboard.pilot import C_TYPES, compile_library
 
 
 class ExportedLaw(MutableMapping[str, np.ndarray]):
-    """An exported law with the state of one arm; a mapping of its parameters, which may be changed between two steps.
+    """An exported law that controls one arm. The object holds the law's memory between samples.
+
+    It is also a mapping from the names of the law's parameters to their values; a change acts from the next step on.
 
     - `folder`: folder of the C project.
     - `about`: content of the project's `law.json`: joints, period, structures, conditions.
@@ -50,10 +52,10 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     ) -> tuple[np.ndarray, int]:
         """Run the law for one sample; return the torque [n], N m or N, and the status bits.
 
-        - `t`: time [s].
-        - `q`, `dq`: measured positions and velocities [n].
-        - `now`, `following`: positions, velocities and accelerations [3 n] of the reference at this sample and one
-          period later; by default `following` continues `now` with its acceleration.
+        - `t`: time of the sample [s].
+        - `q`, `dq`: measured positions and velocities [n], rad and rad/s (m and m/s for a prismatic joint).
+        - `now`: reference at this sample, [3 n]: rows with position, velocity and acceleration.
+        - `following`: reference one period later, as `now`; by default `now` continued at constant acceleration.
         """
         wanted = self._numbers(now, "now", 3)
         if following is None:
@@ -74,7 +76,8 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
     ) -> tuple[np.ndarray, int, np.ndarray]:
         """Run the law for one sample of a streamed reference; return torque [n], status bits and reference [3 n].
 
-        The law's filter computes the reference from the host's positions. It starts at rest at the first `q`.
+        A filter in the law computes the reference from the host's positions. It starts at rest at the first `q`. The
+        rows of the reference are position, velocity and acceleration.
 
         - `t`, `q`, `dq`: as in `step`.
         - `newest`: the host's positions [n] if they have arrived since the last sample, else None.
@@ -94,7 +97,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         self._function("reset", None)(self._at)
 
     def another(self) -> ExportedLaw:
-        """Return the same law for another arm, with its own state and default parameters."""
+        """Return the same law for another arm, with a memory of its own and default parameters."""
         return ExportedLaw(self.folder, self.about, self._library)
 
     def conditions(self, status: int) -> list[str]:

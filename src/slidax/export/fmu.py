@@ -100,7 +100,7 @@ OPTIONS = ("-std=c99", "-O2", "-g0", "-fPIC", "-ffp-contract=off", "-fvisibility
 
 @dataclass(frozen=True)
 class Platform:
-    """A platform for which an FMU can have a binary.
+    """A platform, such as 64-bit Linux, for which an FMU can have a binary.
 
     - `name`, `older`: name of the binary's folder in FMI 3.0, and in FMI 2.0.
     - `ending`: file extension of a shared library.

@@ -35,7 +35,7 @@ COUNTS = ("periods", "samples", "sampling periods")
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit.
+    """A physical unit as FMI declares it.
 
     - `name`: name in FMI, with a dot for a product and plain exponents, such as `N.m` and `kg.m2`.
     - `base`: exponents of the SI base units and of `rad`, in the order in which they appear in the unit.
@@ -126,7 +126,7 @@ class Variable:
     - `causality`: "parameter", "input", "output" or "independent".
     - `expression`: C expression of its value, as a member of the instance.
     - `lower`, `upper`: ends of its range; infinite where there is none.
-    - `open`: True for an end of the range that is excluded.
+    - `open`: (True if the value `lower` is excluded, True if the value `upper` is excluded).
     """
 
     name: str

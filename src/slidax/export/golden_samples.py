@@ -137,7 +137,7 @@ def _inside(guard: GuardedStep, t: Scalar, reference: Reference, share: Vector) 
 
 
 def with_bad_numbers(samples: StepSample) -> StepSample:
-    """Return the samples with one number of each replaced by one of `BAD_NUMBERS`."""
+    """Return copies of samples, in each of which one number is replaced by one of `BAD_NUMBERS`, such as NaN."""
 
     def places(sample: StepSample) -> list[Any]:
         return [sample.t, sample.state.q, sample.state.dq, sample.now.q, sample.following.dq]
@@ -256,7 +256,8 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
     Samples whose status depends on the inputs' last digits are left out.
 
     - `real`: number type of the C code, "double" or "float".
-    - `same`: True if the C code has the same constants as the Python step.
+    - `same`: True if the C code has the same constants as the Python step. If False, only the torques of the closed
+      loop's samples are compared, with a wide tolerance.
     """
     drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
     good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))
@@ -309,9 +310,10 @@ def _rounded(tree: Any) -> Any:
 def sample_sensitivity(
     guard: GuardedStep, samples: StepSample, command: Command, status: Status, last_digit: float
 ) -> tuple[np.ndarray, list[int]]:
-    """Change the last digits of all inputs at random; return the largest changes, and the samples of unchanged status.
+    """Return how sensitive the step's results are to the last digits of its inputs and parameters.
 
-    The changes are those of the command [samples leaves], one for each leaf of the command; the samples are indices.
+    Changes these digits at random, `PERTURBATIONS` times. Returns the largest change of each array in the command,
+    [samples arrays], and the indices of the samples whose status never changed.
 
     - `command`, `status`: results for the unchanged inputs.
     - `last_digit`: size of the last digit, relative to the number.
@@ -335,7 +337,7 @@ def sample_sensitivity(
 
 
 def largest_values(tree: Any) -> np.ndarray:
-    """Return the largest finite absolute value of each leaf [samples leaves]; 0 if there is none."""
+    """Return the largest finite absolute value of each array in a tree for each sample, [samples arrays], else 0."""
     leaves = [np.abs(np.asarray(leaf, float)).reshape(len(leaf), -1) for leaf in jax.tree.leaves(tree)]
     return np.stack([np.where(np.isfinite(leaf), leaf, 0.0).max(1) for leaf in leaves], axis=1)
 

@@ -1,4 +1,7 @@
-"""Guarded step: the control law with checked inputs, limited torque and a status, as exports run it on a robot."""
+"""Guarded step: one sample of a control law with checked inputs, limited torque and a status, as exports compute it.
+
+The status is a sum of bits, one for each condition (fault or warning) that holds; see `status`.
+"""
 
 from __future__ import annotations
 
@@ -72,26 +75,28 @@ def arrays_read(controller: AbstractController) -> frozenset[str]:
 
 
 Flags = dict[Condition, Flag]
-"""Conditions of a sample or of the law's result, each with True if it holds."""
+"""Conditions of a sample or of the law's result (faults and warnings), each with True if it holds."""
 
 
 class GuardedStep(AbstractController):
     """A controller with guards around it. It is a controller itself, so the exported function can be simulated.
 
-    The guards check first the measurement and the reference, then the measurement's plausibility (the gate), then that
-    the law's torque and memory are finite. If a check fails, the last command and the law's memory are held. Then the
-    torque is limited. The law's own arithmetic is unchanged. The first command respects the rate limit, counted from
-    the last command before the law started, or from the gravity torque of the nominal arm if there was none.
+    The guards first check that measurement and reference are finite and in range. The gate then rejects a measurement
+    that the arm cannot have produced. Finally the law's torque and memory must be finite. If a check fails, the step
+    repeats the last command and leaves the law's memory unchanged. Otherwise it limits the torque and its rate. The
+    rate of the first command counts from the last command before the law started, or from the gravity torque of the
+    nominal arm if there was none. The law's own arithmetic is unchanged.
 
     - `controller`: the law.
-    - `gate`: rejects measurements that the arm cannot have produced; None for a sampled-data law, which has its own.
+    - `gate`: plausibility check of the measurements; None for a sampled-data law, which has a gate of its own.
     - `period`: time between two samples [s], > 0; None for a sampled-data law, whose own period applies.
     - `limits`: limits of torque and torque rate; None for a sampled-data law, whose own limits apply.
     - `command_limits`: limits of the commands, if the drives map commands to torques; None for the torque limits.
     - `reads`: inputs that the law reads, such as `now.dq`; all other inputs may have any value.
 
-    The signals are those of the law, `rho` if it has an envelope, and `status`. While the command is held, all signals
-    except `status` and `rejected` are 0. A signal that is not finite is replaced by 0.
+    The signals are those of the law and `status`; `rho` too, the envelope's radius, if the law has prescribed
+    performance. While the command is held, all signals except `status` and `rejected` are 0. A signal that is not
+    finite is replaced by 0.
     """
 
     controller: AbstractController
@@ -105,14 +110,14 @@ class GuardedStep(AbstractController):
     def around(
         controller: AbstractController, limits: TorqueLimits, period: float, gate: MeasurementGate | None = None
     ) -> GuardedStep:
-        """Put guards around a law.
+        """Put guards around a law, and return the guarded step.
 
-        - `controller`: the law. The guards use the period and the gate of a sampled-data law.
-        - `limits`: limits of torque and torque rate, as numbers for all joints or [n]. They replace the limits of a
-          sampled-data law; but if its drives map commands to torques, they limit only the commands.
+        - `controller`: the law. A sampled-data law brings its own period and gate.
+        - `limits`: limits of torque and torque rate, one number for all joints or [n]. They replace the limits of a
+          sampled-data law. If its drives map commands to torques, they limit only the commands.
         - `period`: time between two samples [s]; not used for a sampled-data law.
-        - `gate`: check of the measurements; not used for a sampled-data law. None for `MeasurementGate.of_arm` of the
-          law's nominal arm.
+        - `gate`: plausibility check of the measurements; not used for a sampled-data law. None selects
+          `MeasurementGate.of_arm` of the law's nominal arm.
         """
         require_sound_law(controller)
         n = controller.joints
@@ -135,7 +140,7 @@ class GuardedStep(AbstractController):
         return self.controller.joints
 
     def init(self, t: Scalar, state: State, reference: Reference) -> StepMemory:
-        """Return the memory before the first sample; if this sample is bad, all zeros as after a reset."""
+        """Return the memory before the first sample; all zeros, as after a reset, if this sample fails a check."""
         bad = self.checked(t, state, reference, reference)
         nothing = self._nothing(t, state, reference)
 
@@ -155,7 +160,7 @@ class GuardedStep(AbstractController):
     def step(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Status]:
-        """Return the command at one sample, and the status; the first good sample starts the law.
+        """Return the command at one sample, and the status. The first sample that passes the checks starts the law.
 
         - `memory`: memory from `init`, or from the command of the previous sample; all zeros after a reset.
         """
@@ -176,7 +181,7 @@ class GuardedStep(AbstractController):
         return jax.lax.cond((bad == 0) & memory.started, answered, held)
 
     def checked(self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference) -> Flags:
-        """Check the inputs that the law reads; return the flags of the conditions in `CHECKED`."""
+        """Check the inputs that the law reads; return, for each condition in `CHECKED`, True if it holds."""
         measured = [getattr(state, part) for part in ("q", "dq") if f"state.{part}" in self.reads]
         wanted = [
             getattr(reference, part)
@@ -192,9 +197,9 @@ class GuardedStep(AbstractController):
         }
 
     def begun(self, t: Scalar, state: State, reference: Reference, memory: StepMemory) -> StepMemory:
-        """Return the memory with which the law starts at its first good sample.
+        """Return the step's memory with which the law starts, at the first sample that passes the checks.
 
-        Its `started` is False if the law's initial memory is not finite.
+        The memory's `started` is False if the law's initial memory is not finite; the law then does not start.
 
         - `memory`: memory before this sample; it has the last command, if there was one.
         """
@@ -215,7 +220,7 @@ class GuardedStep(AbstractController):
         return replace(memory, started=started, t=before, tau=tau, outside=jnp.zeros(()), law=law, gate=gate)
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
-        """Return the memory after a step that holds the last command within the torque limits, and the step's flags."""
+        """Repeat the last command, within the torque limits; return the memory after this step, and its conditions."""
         # Before the first command, `tau` is the gravity torque from which the rate limit counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
@@ -226,7 +231,7 @@ class GuardedStep(AbstractController):
     def answered(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: StepMemory
     ) -> tuple[Command, Flags]:
-        """Run a law that has started; return the command and the flags of the conditions in `ANSWERED`.
+        """Run a law that has started; return the command and, for each condition in `ANSWERED`, True if it holds.
 
         The command is the law's torque within the limits, or the last safe command if the gate rejects the measurement
         or the law's torque or memory is not finite.
@@ -311,10 +316,10 @@ class GuardedStep(AbstractController):
         return self.controller.envelope(t, memory.law)
 
     def wanted_then(self, reference: Reference) -> Vector:
-        """Return the reference positions at the time when the measurement was taken [n].
+        """Return the reference positions at the time when the measurement was taken [n], rad or m.
 
-        For a law without transport delay they are `reference.q`. With transport delay T, which the law takes to be
-        `believed_delay - dead_time` periods, they are `q - T dq` of the reference.
+        With transport delay T, the age of a measurement when it arrives, they are `q - T dq` of the reference. The law
+        assumes T to be `believed_delay - dead_time` periods. Without transport delay they are `reference.q`.
         """
         law = self.controller
         if not isinstance(law, SampledData) or law.delay == law.dead_time:
@@ -363,7 +368,7 @@ class GuardedStep(AbstractController):
 
 
 def own_plant(scenario: Scenario) -> Plant:
-    """Return a scenario's plant for slidax's own simulator, also if MuJoCo simulates the scenario's arm."""
+    """Return a scenario's plant as slidax's own simulator uses it, even if the scenario simulates its arm in MuJoCo."""
     return scenario.plant.own if isinstance(scenario.plant, MujocoPlant) else scenario.plant
 
 

@@ -1,4 +1,7 @@
-"""Run a sampled loop sample by sample without waiting for real time, write its log, and replay a log."""
+"""Run a sampled loop sample by sample without waiting for real time, write its log, and replay a log.
+
+A tick is an instant at which the simulated arm can apply a new torque; two ticks are one sample time apart.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,8 @@ class LockstepResult:
     """Result of `lockstep`: the columns of its log.
 
     - `channels`: joints, signals and status bits in the log.
-    - `law`: columns by name, one row for each torque that the law computed.
-    - `arm`: columns by name, one row for each tick of the simulated arm.
+    - `law`: columns by name; one row for each torque that the law computed.
+    - `arm`: columns by name; one row for each tick.
     """
 
     channels: Channels
@@ -37,11 +40,11 @@ class LockstepResult:
 
 
 def lockstep(scenario: Scenario, samples: int, *, transport: int = 0) -> LockstepResult:
-    """Run a scenario's loop sample by sample, in the machine code of the real-time loop, but without waiting.
+    """Run a scenario's loop sample by sample in the machine code of the real-time loop, but without waiting.
 
     - `samples`: number of samples.
-    - `transport`: periods from a measurement to the torque that answers it, 0 or 1. With 1 the result is that of the
-      real-time loop of two processes, if neither process is ever late.
+    - `transport`: periods from a measurement to the torque computed from it, 0 or 1. With 1 the result equals that of
+      the real-time loop (two processes) if neither process misses a deadline.
 
     Raises DefinitionError if the scenario cannot run sample by sample or llvmlite is not installed; NoNativeCodeError
     if an operation of the scenario has no machine code.
@@ -75,16 +78,16 @@ CHUNK = 500
 
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
-    """Return the attachments of a log by file name: the scenario's description, and the files that it names.
+    """Return the attachments of a log by file name: the scenario's description, and the files that it refers to.
 
-    Changes by `Scenario.replace` are not part of the description.
+    Changes made by `Scenario.replace` are missing from the description.
     """
     text, files = portable_text(scenario.description)
     return {SCENARIO: text.encode(), **files}
 
 
 def metadata_of(scenario: Scenario, made_by: str, seconds: float) -> dict[str, str]:
-    """Return the metadata of a log.
+    """Return the metadata of a log as texts by name: scenario, scheme, robot, sample time and duration.
 
     - `made_by`: command that writes the log, "run" or "loop".
     - `seconds`: planned duration [s].
@@ -140,14 +143,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """Result of a replay. An answer is the law's torque and status at one sample.
+    """Result of a replay, which computes logged answers again. An answer is the law's torque and status at a sample.
 
     - `answers`: number of compared answers.
     - `same`: number of answers whose bits are the same in log and replay.
     - `first`: the first difference; None if there is none.
     - `largest`: largest difference of a torque [N m or N].
     - `joints`, `bits`: names of the joints, and of the status bits.
-    - `unknown`: number of answers that were not compared, since they depend on an answer missing in the log.
+    - `unknown`: number of answers that could not be compared: the law's memory depends on an answer that the log lacks.
     """
 
     answers: int

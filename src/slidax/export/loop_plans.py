@@ -1,4 +1,8 @@
-"""Machine code and memory layout for the two sides of a sampled loop: the guarded law, and the simulated arm."""
+"""Machine code and memory layout for the two sides of a sampled loop: the guarded law, and the simulated arm.
+
+A plan is machine code with the initial content of its memory, to be sent to another process. A tick is an instant at
+which the simulated arm can apply a new torque; two ticks are one sample time apart.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +37,9 @@ WORD = 8
 
 
 class Planner:
-    """Allocate arrays in one block of memory, and compile code for them. A slot is an array's position in the block.
+    """Builder of a plan: allocates arrays in one block of memory, and compiles code that reads and writes them.
+
+    A slot is an array's position in the block, with its shape and dtype.
 
     Raises DefinitionError if llvmlite is not installed.
     """
@@ -53,7 +59,7 @@ class Planner:
         """Allocate each array of a tree; return a tree of their slots.
 
         - `tree`: arrays with their initial values; or shapes, whose arrays start as zeros.
-        - `name`: name of the region that the arrays form together; empty for a region without a name.
+        - `name`: name under which the plan lists the region of all these arrays; empty for none.
         """
         start = self._size
         placed = jax.tree.map(self._put, tree)
@@ -75,7 +81,7 @@ class Planner:
         self._regions[name] = (first.offset, -(-last.end // WORD) * WORD)
 
     def code(self, name: str, kernel: llvm.Kernel, inputs: Any, outputs: Any) -> None:
-        """Add machine code under a name; `inputs` and `outputs` are trees of slots in the order of the kernel."""
+        """Add a compiled kernel under a name; it reads the slots in `inputs` and writes those in `outputs` (trees)."""
         slots: list[Slot] = [*jax.tree.leaves(inputs, is_leaf=_is_slot), *jax.tree.leaves(outputs, is_leaf=_is_slot)]
         shapes = [*(entry.shape for entry in kernel.inputs), *(entry.shape for entry in kernel.outputs)]
         assert [slot.shape for slot in slots] == shapes
@@ -84,13 +90,14 @@ class Planner:
     def compile(self, name: str, function: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any) -> None:
         """Compile a function of trees of arrays, and add its code under a name.
 
-        - `inputs`, `outputs`: trees of the slots that the code reads, one for each argument, and writes.
+        - `inputs`: for each argument of the function, a tree of the slots that the code reads.
+        - `outputs`: tree of the slots to which the code writes the result.
         """
         shapes = jax.tree.map(lambda slot: jax.ShapeDtypeStruct(slot.shape, slot.dtype), inputs, is_leaf=_is_slot)
         self.code(name, kernel(function, *shapes)[0], inputs, outputs)
 
     def plan(self) -> CodePlan:
-        """Return all code that has been added, and the memory that has been allocated with its initial content."""
+        """Return the plan: all code that has been added, and the allocated memory with its initial content."""
         return CodePlan(b"".join(part.tobytes() for part in self._parts), self._routines, self._views, self._regions)
 
     def _put(self, array: Any) -> Slot:
@@ -110,7 +117,7 @@ class Planner:
 
 
 def kernel(function: Callable[..., Any], *args: Any) -> tuple[llvm.Kernel, Any]:
-    """Compile a function from trees of arrays to a tree of arrays; return the code and the result's shapes.
+    """Compile a function of trees of arrays; return the kernel (compiled code), and the tree of the result's shapes.
 
     - `args`: the function's arguments, as arrays or as their shapes.
 
@@ -143,8 +150,8 @@ class LawPlan:
     """A law, compiled to be called sample by sample.
 
     - `plan`: its code and memory.
-    - `row`: dtype of a row: inputs, results and times of one sample.
-    - `sample`: dtype of a row's inputs: time, measurement, reference.
+    - `row`: NumPy dtype of a log row: inputs, results and computing times of one sample.
+    - `sample`: dtype of the inputs in a row: time, measurement, reference.
     - `channels`: joints, signals and status bits in its log.
     """
 
@@ -154,9 +161,9 @@ class LawPlan:
     channels: Channels
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the columns of rows by their names in a log.
+        """Return the log columns of recorded rows by name, with those derived from them, such as status bits.
 
-        - `rows`: bytes, one row of `row.itemsize` bytes per sample.
+        - `rows`: array of bytes, one row of `row.itemsize` bytes per sample.
         """
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         columns = {name: table[name] for name in self.row.names or ()}
@@ -170,7 +177,7 @@ class LawPlan:
 
 
 def require_samples(scenario: Scenario) -> None:
-    """Raise DefinitionError if a scenario's law runs inside the integrator instead of at samples."""
+    """Raise DefinitionError if a scenario is not in held mode, in which the law runs once per sample."""
     if scenario.stepping.mode != "held":
         raise DefinitionError(
             "running a law sample by sample needs held mode: `--set simulation.mode=held`, or a scenario "
@@ -181,8 +188,8 @@ def require_samples(scenario: Scenario) -> None:
 def law_plan(scenario: Scenario) -> LawPlan:
     """Compile a scenario's law to be called sample by sample.
 
-    Raises DefinitionError if the scenario is not in held mode, or llvmlite is not installed; NoNativeCodeError if an
-    operation of the law has no machine code.
+    Raises DefinitionError if the scenario is not in held mode (one torque per sample), or if llvmlite is not installed;
+    NoNativeCodeError if an operation of the law has no machine code.
     """
     require_samples(scenario)
     guard = guarded_law(scenario)
@@ -252,7 +259,7 @@ def law_plan(scenario: Scenario) -> LawPlan:
 
 
 def dtype_of(fields: dict[str, Slot], first: Slot, last: Slot) -> np.dtype[Any]:
-    """Return the dtype of a row: the memory from the slot `first` to the slot `last`, with a slot for each field."""
+    """Return the NumPy dtype of the memory from slot `first` to slot `last`; `fields` has the slot of each field."""
     return np.dtype(
         {
             "names": list(fields),
@@ -280,7 +287,7 @@ class ArmPlan:
     """A simulated arm, compiled to be moved tick by tick.
 
     - `plan`: its code and memory.
-    - `row`: dtype of a row: true state, torque and times of one tick.
+    - `row`: NumPy dtype of a log row: true state, torque and computing times of one tick.
     - `world`: MuJoCo's model, and the joints' position and velocity indices in it; None for slidax's own simulator.
     - `substeps`: MuJoCo steps per tick.
     """
@@ -291,16 +298,18 @@ class ArmPlan:
     substeps: int
 
     def columns(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the columns of rows by their names in a log.
+        """Return the log columns of recorded rows by name.
 
-        - `rows`: bytes, one row of `row.itemsize` bytes per tick.
+        - `rows`: array of bytes, one row of `row.itemsize` bytes per tick.
         """
         table = np.ascontiguousarray(rows).view(self.row)[:, 0] if len(rows) else np.zeros(0, self.row)
         return {name: table[name] for name in self.row.names or ()}
 
 
 def advance_sensor(sensor: AbstractSensor | None) -> AbstractSensor:
-    """Return the sensor with one period less delay, for a loop that takes one period to transport a measurement.
+    """Return the sensor with one period less delay.
+
+    A loop of two processes already takes one period from a measurement to the torque computed from it.
 
     Raises DefinitionError if the sensor's measurements are less than one period old.
     """
@@ -320,11 +329,11 @@ def advance_sensor(sensor: AbstractSensor | None) -> AbstractSensor:
 def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     """Compile a scenario's arm to be moved tick by tick.
 
-    - `transport`: periods from a measurement to the torque that answers it, 0 or 1. With 1 the sensor has one period
+    - `transport`: periods from a measurement to the torque computed from it, 0 or 1. With 1 the sensor has one period
       less delay, and the first measurement is taken one tick before tick 0.
 
-    Raises DefinitionError if the scenario is not in held mode, if its plant or sensor is not supported, or if llvmlite
-    is not installed.
+    Raises DefinitionError if the scenario is not in held mode (one torque per sample), if its plant or sensor is not
+    supported, or if llvmlite is not installed.
     """
     require_samples(scenario)
     plant = scenario.plant

@@ -17,7 +17,7 @@ STEPS = 200, 700
 
 
 class StepSize(NamedTuple):
-    """The size of a step.
+    """The size of an exported step in C.
 
     - `lines`: lines of its source file.
     - `code`: code and constants, compiled on this machine with `-O2` [bytes]; None without a compiler.

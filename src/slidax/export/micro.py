@@ -50,7 +50,7 @@ def export_micro(
 
 
 def golden_bytes(exported: CProject) -> bytes:
-    """Return the golden samples as little-endian C structures, after their number and the size of one in bytes."""
+    """Return the golden samples as binary data: their number, bytes per sample, then little-endian C structures."""
     assert exported.golden is not None
     real = "<f4" if exported.real == "float" else "<f8"
     structures = [_structure(members, real) for members in _groups(exported)]

@@ -1,4 +1,8 @@
-"""Traced programs of the exported functions: step, envelope, reference motion, stream filter and arm."""
+"""Programs of the exported functions: step, envelope, reference motion, stream filter and arm.
+
+A program is a function as a list of scalar operations (`slidax.codegen.ir.Program`). To trace a JAX function is to
+record its operations in a program.
+"""
 
 from __future__ import annotations
 
@@ -55,14 +59,14 @@ class CArray:
 
 @dataclass(frozen=True)
 class Function:
-    """A program, with the C variable or structure member of each input and output."""
+    """A program, with the C variable or structure member that holds each of its inputs and outputs."""
 
     program: Program
     inputs: list[CArray]
     outputs: list[CArray]
 
     def read(self, which: int, element: int | str) -> str:
-        """Return the C expression of an input's element; `which` is the input's index."""
+        """Return the C expression that reads an input's element; `which` is the input's index."""
         return self.inputs[which].element(element)
 
     @property
@@ -101,7 +105,7 @@ class StepPrograms:
     - `begun`: function that computes the memory at the first good sample.
     - `valid`: function that checks parameters whose ranges depend on other parameters.
     - `parameters`, `memory`, `signals`: members of the C structures for parameters, memory and signals.
-    - `bounds`: bounds of the numbers of each parameter; None for integers and booleans.
+    - `bounds`: smallest and largest allowed value of each parameter; None for integers and booleans.
     """
 
     checked: Function
@@ -116,9 +120,9 @@ class StepPrograms:
 
 
 def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
-    """Trace the functions of a guarded step into programs, from which C code is written.
+    """Trace the functions of a guarded step, and return their programs, from which C code is written.
 
-    - `guard`: the step, with the parameters' defaults.
+    - `guard`: the step; its parameters have the default values of the exported law.
     - `real`: number type in C, "double" or "float".
 
     Raises DefinitionError if there is no native code for the law.
@@ -185,7 +189,7 @@ def step_programs(guard: GuardedStep, real: str = "double") -> StepPrograms:
 
 
 def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
-    """Trace the scenario's reference, now and one period later, as a function of time and period.
+    """Trace a reference motion: from time and sample time [s] to the reference now and one period later.
 
     Long constant arrays become tables in C.
     """
@@ -204,7 +208,7 @@ def motion_program(trajectory: AbstractMotion, joints: int) -> Function:
 
 
 def arm_program(plant: Plant) -> Function:
-    """Trace the acceleration of the arm in a plant, with disturbances, as a function of time, state and torque."""
+    """Trace the arm's dynamics in a plant, with disturbances: from time, state and torque to the accelerations [n]."""
     long, short = _tables(plant)
 
     def acceleration(t: Scalar, state: State, tau: Vector, long: Any) -> Vector:
@@ -242,9 +246,9 @@ def stream_program(stream: StreamFilter, joints: int) -> tuple[Function, list[Me
 
 
 def torque_program(guard: GuardedStep, step: StepPrograms, robot: AbstractRobot) -> Function:
-    """Trace the nominal arm's torque M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) as a function of parameters and motion.
+    """Trace the nominal arm's inverse dynamics: from parameters, q, q̇ and q̈ to M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇).
 
-    - `robot`: used if the law has no nominal arm.
+    - `robot`: the arm to use if the law has no nominal arm.
     """
     long, short = _tables(robot)
 
@@ -335,7 +339,9 @@ def envelope_members(joints: int) -> list[Member]:
 
 
 def envelope_function(guard: GuardedStep, step: StepPrograms) -> Function | None:
-    """Trace errors, bounds and margins of the envelope as a function of parameters, memory before a step, and sample.
+    """Trace the tracking errors, and the bounds and margins of the envelope, per joint.
+
+    The program's inputs are the parameters, the memory before a step, the measurement and the reference.
 
     Returns None if the law has no envelope. Raises DefinitionError if there is no native code for the envelope.
     """
@@ -374,10 +380,11 @@ NEXT_TO_ONE = 4.0 * FLOAT
 
 
 def with_float_constants(program: Program) -> Program:
-    """Return the program with constants for floats instead of doubles.
+    """Return a program whose constants are adapted from doubles to floats.
 
-    A tolerance keeps its size in units in the last place, but at least 4 and at most 16, so that a search can meet it.
-    A number next to 1, which keeps a logarithm finite, stays different from 1.
+    A constant that is the tolerance of a search keeps its size in units in the last place, within 4 to 16 of them, so
+    that the search can meet it. A constant next to 1 (it keeps a logarithm finite) stays different from 1 in floats.
+    Other constants are unchanged.
     """
 
     def replaced(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:
@@ -393,7 +400,7 @@ def with_float_constants(program: Program) -> Program:
 
 
 def has_float_constants(program: Program) -> bool:
-    """True if a program's constants fit floats as well as doubles, so that `with_float_constants` changes none."""
+    """True if a program's constants suit floats as well as doubles: `with_float_constants` would change none."""
     return all(
         float_constant(value.data) == value.data
         for value in program.walk()
@@ -402,7 +409,7 @@ def has_float_constants(program: Program) -> bool:
 
 
 def float_constant(number: float) -> float:
-    """Return the constant for floats that replaces a constant for doubles; the same number if it fits both."""
+    """Return the constant for floats that replaces a constant for doubles; the number itself if it suits both."""
     size = abs(number)
     if TOLERANCES[0] < size < TOLERANCES[1]:
         return float(np.copysign(min(max(size / DOUBLE, FEWEST), ULPS) * FLOAT, number))

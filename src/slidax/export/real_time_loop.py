@@ -1,4 +1,8 @@
-"""The sampled loop in real time: law and simulated arm in separate processes, timing statistics, and a log."""
+"""The sampled loop in real time: law and simulated arm in separate processes, timing statistics, and a log.
+
+A tick is an instant at which the arm can apply a new torque; two ticks are one sample time apart. If no torque arrives
+in time, the arm holds the last one; after several such ticks it brakes.
+"""
 
 from __future__ import annotations
 
@@ -46,14 +50,14 @@ class LoopResult:
     - `answers`: number of samples at which the law computed a torque.
     - `times`: measured durations and latencies [s], one per sample or tick, by title.
     - `law`, `arm`: reports of the two processes; None for a process that was killed.
-    - `outside`: number of ticks at which a joint was at or outside its envelope before the arm braked; None without an
+    - `outside`: number of ticks, until the arm braked, at which a joint was at or outside its envelope; None without an
       envelope.
     - `margin`: smallest distance from the envelope's bounds as a share of its width, for each joint; None without one.
-    - `statuses`: number of the law's answers with each status bit, by name.
+    - `statuses`: for each status bit, by name, the number of samples at which the law set it.
     - `recorder`: CPU time of the recorder per tick [s].
     - `size`: size of the log [bytes]; None without a log.
-    - `lost`: number of rows that the recorder lost.
-    - `hogs`: number of additional processes that only used CPU time.
+    - `lost`: number of log rows that the recorder missed.
+    - `hogs`: number of additional processes that only used CPU time, as a stress test.
     """
 
     period: float
@@ -159,7 +163,7 @@ class LoopResult:
 
 @dataclass
 class LoopRecorder:
-    """Recorder of a loop's rows. A row has the data of one sample of the law, or of one tick of the arm.
+    """Recorder of a loop's log rows. A row has the data of one sample of the law, or of one tick of the arm.
 
     - `law`, `arm`: plans of the two processes, with the layouts of their rows.
     - `period`: time between two ticks [s].
@@ -173,7 +177,7 @@ class LoopRecorder:
     _kept: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def add(self, law: np.ndarray, arm: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Record rows of law and arm, which are bytes, and return their columns by name."""
+        """Record rows of law and arm (arrays of bytes), and return the columns of both by name."""
         of_law, of_arm = self.law.columns(law), self.arm.columns(arm)
         bounds = ("lower", "upper") if self.law.channels.bounded else ()
         for columns, names in (
@@ -252,11 +256,11 @@ def run_loop(
 ) -> LoopResult:
     """Run a scenario in real time from its start to its `t1`, or until the process of the law or the arm ends.
 
-    - `scenario`: scenario in held mode, with measurements that are at least one period old.
+    - `scenario`: scenario in held mode (one torque per sample), with measurements at least one period old.
     - `log`: MCAP file for the log; None for no log.
     - `port`: port of a local Foxglove server; None for no server.
     - `patience`: ticks without a command until the arm brakes, and without a measurement until the law ends.
-    - `hogs`: number of additional processes that only use CPU time.
+    - `hogs`: number of additional processes that only use CPU time, as a stress test.
 
     Raises DefinitionError if the scenario cannot run in real time or a package is missing, OSError if the log cannot be
     written.

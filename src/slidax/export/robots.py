@@ -1,4 +1,8 @@
-"""Exports for robots: law, limits and programs; the exports for Franka and Universal Robots arms."""
+"""Exports for robots: law, limits and programs; the exports for Franka and Universal Robots arms.
+
+The exported pilot is C code between the robot's interface and the law. It generates the reference, checks the
+measurements and the law's status, and brings the arm to rest or ends the control.
+"""
 
 from __future__ import annotations
 
@@ -120,7 +124,7 @@ LOOKS = 200
 
 
 def weight_by_robot(scenario: Scenario) -> Scenario:
-    """Return the scenario for a robot that compensates gravity itself: without gravity in the law and in the arm.
+    """Return a scenario adapted to a robot that compensates gravity itself: no gravity acts in its law and arm.
 
     The law's nominal arm has gravity 0, so that the command contains no gravity torque. Errors of the robot's gravity
     compensation act as a disturbance. Each joint's torque limit is reduced by the largest gravity torque along the
@@ -202,19 +206,20 @@ class RobotLimits:
     - `lower`, `upper`, `speed`, `torque`, `rate`: limits of position, speed, torque and torque rate, per joint.
     - `torque_hold`: largest torques while the arm holds its posture, per joint; infinite unless the robot compensates
       gravity.
-    - `error_hold`, `error_small`, `error_full`: largest errors while the arm holds its posture, while the motion is
-      small, and later, per joint.
+    - `error_hold`, `error_small`, `error_full`: largest tracking errors, per joint: while the arm first holds its
+      posture; in the approach and while the motion has a small amplitude; at full amplitude.
     - `acceleration`: largest accelerations of an external trajectory, per joint.
     - `share`: share of the torque limit that an external trajectory may use.
     - `dialect`: number type of the C code.
-    - `held`: most consecutive periods with a held command; after more the control ends at once.
+    - `held`: most consecutive periods in which the step repeats its last command, since the sample or the law's result
+      is bad; after more the control ends at once.
     - `lost`: number of periods between two samples at which the control ends at once.
-    - `outside`, `limited`, `void`: most consecutive periods outside the envelope, at the torque limit, and with a void
-      guarantee; after more the arm comes to rest.
+    - `outside`, `limited`, `void`: most consecutive periods outside the envelope, with a limited torque, and with a
+      violated assumption of the guarantee; after more the arm comes to rest.
     - `age`: age of a measurement when it arrives [s].
     - `carried`: True if the robot compensates gravity.
-    - `torque_lines`, `torque_helpers`, `torque_tables`: body, helper functions and tables of the C function for the
-      nominal arm's torque.
+    - `torque_lines`, `torque_helpers`, `torque_tables`: body, helper functions and constant arrays of the C function
+      for the nominal arm's inverse dynamics.
     """
 
     unit: str
@@ -302,7 +307,7 @@ class RobotLimits:
         return self.dialect.number(number, "f64")
 
     def shown(self, numbers: Sequence[float]) -> str:
-        """Return numbers as text for a comment: a single number if all are equal, "none" for infinity."""
+        """Return numbers per joint as text for a C comment: a single number if all are equal, "none" for infinity."""
         texts = ["none" if np.isinf(number) else f"{number:g}" for number in numbers]
         return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
@@ -335,7 +340,7 @@ class RobotTarget:
     - `lost`: number of periods between two samples at which the control ends.
     - `folder`: folder of the templates.
     - `files`: output file of each template.
-    - `program`: a function of the module that is copied as `program.py`.
+    - `program`: a function of the robot's Python program; its module is copied as `program.py`.
     """
 
     name: str
@@ -357,7 +362,7 @@ def export_robot(
     command: str = "",
     golden: bool = True,
 ) -> CProject:
-    """Write a robot's programs and the law that they run.
+    """Write the programs for a robot, and the exported law that they run, to the folder `out`.
 
     - `target`: the robot.
     - `name`, `single`, `command`: as in `export_c`.
@@ -395,9 +400,9 @@ def write_onboard(
 
     The exported step must already be in the folder `law` of `out`.
 
-    - `programs`: additional Python programs by file name: a function or class of the module that is copied.
+    - `programs`: further Python files, by file name. Each value is a function or class; its module is copied.
     - `names`: joint names, for programs that address joints by name.
-    - `sources`: names of additional C sources that have a header each, without the law's prefix.
+    - `sources`: further C modules (source and header), by file name without the law's prefix and the extension.
     - `more`: additional values for `law.json`.
 
     Raises DefinitionError if the folder cannot be written.
@@ -418,7 +423,7 @@ def write_onboard(
 
 
 def standalone_source(part: Any) -> str:
-    """Return the source of the module that defines `part`, with imports from its own folder instead of the package."""
+    """Return the Python source of the module that defines `part`, with package imports replaced by local ones."""
     text = inspect.getsource(sys.modules[part.__module__])
     return re.sub(r"^from (?:\.+|slidax\.)[\w.]*?(\w+) import", r"from \1 import", text, flags=re.MULTILINE)
 

@@ -39,9 +39,9 @@ STOPPED = 0.05
 class RosParameter:
     """One parameter of the controller, as `generate_parameter_library` declares it.
 
-    - `name`: such as `law.surface_k1`.
-    - `type`: type of the parameter library, such as `double_array`.
-    - `checks`: validators of the parameter library, each with its arguments.
+    - `name`: name in ROS, such as `law.surface_k1`.
+    - `type`: its type as that library names it, such as `double_array`.
+    - `checks`: pairs of a validator of that library and its arguments, as text: `("gt<>", "[0.0]")`.
     - `default`: default as YAML text.
     - `meaning`: meaning with unit and range.
     - `member`: member of the law's parameters in C; None for other parameters.
@@ -58,12 +58,13 @@ class RosParameter:
 def ros_parameters(
     project: CProject, allowed: RobotLimits, joint_names: Sequence[str], guaranteed: Floats | None = None
 ) -> list[RosParameter]:
-    """Return all parameters of the controller.
+    """Return all parameters of the ros2_control controller, with their defaults.
 
-    - `allowed`: limits of the robot.
+    - `project`: the exported law.
+    - `allowed`: limits of the robot, the defaults of the controller's limits.
     - `joint_names`: joint names of the hardware interfaces, in the law's order.
-    - `guaranteed`: default of the largest error bound with which a goal is accepted [n], rad or m; None if goals are
-      accepted without a guarantee.
+    - `guaranteed`: largest guaranteed error bound with which a goal is accepted by default [n], rad or m; 0 accepts any
+      bound. None if goals are accepted without a guarantee.
     """
     n = len(joint_names)
     rows = [
@@ -128,9 +129,9 @@ def ros_parameters(
 
 
 def yaml(namespace: str, rows: Sequence[RosParameter]) -> str:
-    """Return the text of the parameter library's YAML file.
+    """Return the text of the YAML file from which `generate_parameter_library` generates C++ code.
 
-    - `namespace`: namespace of the C++ code that the library generates.
+    - `namespace`: namespace of the generated code.
     - `rows`: the parameters.
     """
     lines = [f"{namespace}:"]
@@ -225,7 +226,7 @@ def export_ros2(
     golden: bool = True,
     admission: bool = False,
 ) -> CProject:
-    """Write a package with a controller for ros2_control and a node in Python, and the law that both run.
+    """Write a ROS 2 package to `out`: a controller for ros2_control, a Python node, and the law that both run.
 
     Trajectories arrive by the action `FollowJointTrajectory` or a topic; the scenario's motion is not used.
 
@@ -275,7 +276,7 @@ def export_ros2(
 
 
 def interface_names(joints: Sequence[str]) -> list[str]:
-    """Return the joint names of the hardware interfaces: those of the robot's file; `joint 1` becomes `joint_1`.
+    """Return the joint names for the hardware interfaces: unchanged, but slidax's default `joint 1` becomes `joint_1`.
 
     Raises DefinitionError for a name that a ROS 2 parameter file cannot hold.
     """

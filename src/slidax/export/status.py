@@ -152,17 +152,18 @@ Flag = Bool[Array, ""]
 
 
 class StepMemory(eqx.Module):
-    """Memory of the step between two samples.
+    """Memory of a guarded step between two samples.
 
     - `started`: True once a good measurement has arrived after the reset.
-    - `commanded`: True once a step has returned a command after the reset, even the 0 of a bad sample.
+    - `commanded`: True once a step has returned a command after the reset, even if it is the 0 of a bad sample.
     - `t`: time stamp of the last good sample [s].
     - `tau`: the last safe command [n], N m or N; 0 before the first.
     - `held`: number of consecutive steps whose command was held.
     - `stop`: True once the step has requested a stop; stays so until the reset.
     - `outside`: time for which a joint has been outside the envelope without interruption [s].
     - `law`: memory of the law.
-    - `gate`: memory of the gate; None for a sampled-data law, which has its own gate.
+    - `gate`: memory of the gate, the plausibility check of measurements; None for a sampled-data law, which has its
+      own gate.
     """
 
     started: Flag

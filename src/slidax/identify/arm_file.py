@@ -1,4 +1,4 @@
-"""YAML file of an identified arm, with the set that contains the true arm."""
+"""YAML file of an identified arm, with the confidence region of the true arm."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
     `uncertainty` is the confidence region of the true arm (`Identification.band`). For an arm without a band it lists
     the standard error of each parameter. The sections `torque_offset`, `torque_asymmetry`, `torque_stribeck` and
     `torque_ripple_N_cos` are identified torque terms for which an arm's description has no key. The sections
-    `actuator` and `actuator_map` have the identified actuator map and its standard errors.
+    `actuator` and `actuator_map` have the identified map from the log's torques to the joints' torques, and its
+    standard errors.
 
     - `identification`: the identified arm.
     - `robot`: the arm's description before identification, such as `{"kind": "panda"}`.

@@ -105,10 +105,10 @@ class EstimateErrors:
 
 
 def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
-    """Return the band of an identified arm.
+    """Return the band of an identified arm: bounds that hold together with probability `confidence`.
 
-    Each bound by itself holds with the same probability, the lowest for which all bounds hold together with
-    `confidence`. This probability comes from random parameter errors with the estimate's covariance and a fixed seed.
+    The bounds are quantiles over 1000 random parameter errors with the estimate's covariance and a fixed seed. All
+    bounds have the same quantile level, the lowest for which they hold together with `confidence`.
 
     - `robot`: the identified arm.
     - `estimate`: its parameters, with the covariance of their errors.
@@ -177,12 +177,12 @@ def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
 
 
 def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
-    """Return an orthonormal basis of the base parameters in units of a scale [11n r], and this scale [11n].
+    """Return an orthonormal basis of the base parameters [11n r], and the unit of each inertial parameter [11n].
 
-    The base parameters are the combinations of φ (as from `arm_parameters`) that change the torque. The scale of an
-    entry of φ is the inverse of its column's root mean square in the regressor Y. The basis spans the row space of the
-    scaled Y at random states. The entries of Y are analytic functions of the state: a combination that gives no torque
-    at so many random states never gives a torque.
+    The base parameters are the combinations of φ (as from `arm_parameters`) that change the torque. The basis is for φ
+    divided by these units. The unit of an entry of φ is the inverse root mean square of its column in the regressor Y.
+    The basis spans the row space of the scaled Y at random states. The entries of Y are analytic functions of the
+    state: a combination that gives no torque at so many random states never gives a torque.
 
     - `robot`: the arm; only its geometry is used.
     """

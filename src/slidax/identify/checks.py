@@ -61,7 +61,9 @@ def require_torques(
     usable: np.ndarray,
     conventions: Conventions,
 ) -> None:
-    """Raise a DefinitionError if the torques contradict the arm, but fit it with other units, signs or joint orders.
+    """Raise a DefinitionError if the log's torques fit the arm badly, but well in another unit, sign or joint order.
+
+    The message names the option that corrects the log.
 
     - `log`: the log in the arm's units and joint order, as far as known.
     - `signals`: the log's signals, low-pass filtered to a few Hz.
@@ -97,7 +99,7 @@ def require_torques(
 
 
 def torque_sample(signals: LogSignals, usable: np.ndarray) -> TorqueSample:
-    """Return a log's motion and torques at up to 240 times; the torques of joints that are not used do not count.
+    """Return a log's motion and torques at up to 240 times, without the equations of unused joints.
 
     - `signals`: the log's signals.
     - `usable`: True for joints whose torques are used [n].
@@ -201,12 +203,12 @@ def judge_result(
     fitted: ParameterFit,
     ignored: Sequence[np.ndarray],
 ) -> tuple[str, ...]:
-    """Check the identified parameters and the prediction, and return warnings.
+    """Check the identified parameters and the predicted torques, and return warnings.
 
     - `result`: the identification.
     - `robot`: the arm before identification.
-    - `signals`, `unknowns`: the signals and the equation of each log.
-    - `fitted`: the fit without physical bounds.
+    - `signals`, `unknowns`: the signals and the torque equation of each log.
+    - `fitted`: the least-squares fit before the bodies are made physically consistent.
     - `ignored`: for each log, True for joints whose torques were not used [n].
 
     Raises DefinitionError if a parameter is impossible for such an arm, or the prediction error exceeds the torque.

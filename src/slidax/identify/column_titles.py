@@ -93,9 +93,11 @@ class Title:
 
 
 def rank_of_state(prefix: str) -> int:
-    """Return the rank of a title's prefix in the choice of columns: small for measured states, largest for commands.
+    """Return the rank of a column by its title's prefix: small for measured states, largest for commands.
 
-    - `prefix`: prefix of a title, its parts separated by dots.
+    If several columns fit a quantity, the column with the smallest rank is read.
+
+    - `prefix`: prefix of a title, such as `robot.state` in `robot.state.q`; its parts are separated by dots.
     """
     last = prefix.rpartition(".")[2]
     return STATES.index(last) if last in STATES else len(STATES) + is_command(prefix)

@@ -190,9 +190,9 @@ class ExcitationSearch:
         self.carried = parameters_of_payload(payload)
 
     def best(self, series: FourierSeries, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-        """Return the best coefficients of a random search, and their score.
+        """Return the best coefficients of a random search [n 2K + 1], and their `score`, in bits.
 
-        - `series`: the Fourier series.
+        - `series`: the Fourier series with K harmonics.
         """
         best, coefficients = -np.inf, series.random(rng, self.robot.joints)
         for _ in range(STARTS):
@@ -306,9 +306,9 @@ def excite(
 
     `q_j(t) = c_j + Σ_k a_jk cos(kωt) + b_jk sin(kωt)` (Swevers et al., *Optimal robot excitation and identification*,
     1997) over two periods, with velocity and acceleration 0 at the start and at the end. Each joint's series is scaled
-    until it reaches one of its limits. The search takes the best of many random series by D-optimality, the largest
-    determinant of the information about the scaled parameters, and improves it by random changes. It does not check for
-    collisions of the arm with itself or with its surroundings.
+    until it reaches one of its limits. The search takes the best of many random series and improves it by random
+    changes. Its criterion is D-optimality: the largest determinant of the scaled parameters' information matrix.
+    The search does not check for collisions of the arm with itself or with its surroundings.
 
     - `robot`: the arm, with its limits.
     - `seed`: seed of the random numbers; the same seed gives the same motion.

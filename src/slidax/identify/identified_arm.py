@@ -45,12 +45,12 @@ class EstimatedParameter:
 
     @property
     def identifiable(self) -> bool:
-        """True if the log determines the parameter much more closely than the prior."""
+        """True if the standard error is less than a tenth of the prior's standard deviation."""
         return self.standard_error < IDENTIFIABLE * self.prior_error
 
     @property
     def is_poorly_seen(self) -> bool:
-        """True if the log determines the parameter, but not much more closely than the prior."""
+        """True if the standard error is between a tenth and half of the prior's standard deviation."""
         return not self.identifiable and self.standard_error < HIDDEN * self.prior_error
 
     @property
@@ -84,10 +84,10 @@ class LogFit:
     - `log`: the log that was fitted.
     - `cut_off`: cut-off frequency of the filter [Hz].
     - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
-    - `t`, `measured`, `predicted`: times [k] and torques in the filter's band [k n].
-    - `split`: first sample of the held-out part.
-    - `fit_rms`, `held_out_rms`, `measured_rms`: root mean square of the prediction error in both parts, and of the
-      measured torque, in the filter's band [n], N m or N.
+    - `t`, `measured`, `predicted`: times [k], and filtered torques [k n], N m or N.
+    - `split`: first row of the held-out part, which is predicted and not fitted.
+    - `fit_rms`, `held_out_rms`: root mean square of the filtered prediction error in the two parts [n], N m or N.
+    - `measured_rms`: root mean square of the filtered measured torque [n], N m or N.
     """
 
     log: JointLog
@@ -120,9 +120,9 @@ class Identification:
     - `robot`: the arm with identified rotors, friction, payload and links.
     - `parameters`: each estimated parameter with its standard error.
     - `logs`: each log with its prediction.
-    - `condition`: condition number of the logs' information matrix relative to the prior's, largest over smallest
-      eigenvalue.
-    - `unseen_directions`: number of parameter combinations on which the logs have less information than the prior.
+    - `condition`: condition number of the logs' information matrix in units of the prior's standard deviations.
+    - `unseen_directions`: number of eigenvalues < 1 of this matrix: parameter combinations that the logs determine less
+      closely than the prior.
     - `warnings`: sentences on the logs, and on parameters that they determine poorly.
     - `seconds`: computing time.
     - `estimate`: the estimate of the unknown parameters, and the covariance of its errors.
@@ -190,7 +190,7 @@ class Identification:
 
     @property
     def unseen(self) -> tuple[EstimatedParameter, ...]:
-        """The parameters that the logs do not determine much more closely than the prior."""
+        """The parameters that are not `identifiable` from the logs."""
         return tuple(parameter for parameter in self.parameters if not parameter.identifiable)
 
     def values(self, name: str) -> np.ndarray:

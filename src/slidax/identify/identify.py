@@ -247,8 +247,9 @@ def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
 
 
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
-    """Return the frequency [Hz] up to which the model explains at least half of the torque's power: the joints' median.
+    """Return the frequency [Hz] up to which the model explains at least half of the torque's power.
 
+    The result is the median over the joints.
     At higher frequencies the torque is noise, or an effect that the model lacks, such as elastic gears.
 
     - `unknowns`, `signals`: the torque equation and the signals of a log.

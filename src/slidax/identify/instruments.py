@@ -1,4 +1,7 @@
-"""Encoder offsets, actuator map and direction of gravity, as further unknowns of the arm's equation."""
+"""Encoder offsets, actuator map and direction of gravity, as further unknowns of a log's torque equation.
+
+They are the `Instruments` of a log. The equation is not linear in them, so it is linearised about their last estimate.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Instruments:
-    """Estimates of encoder offsets, torque errors and gravity, about which a log's torque equation is linearised.
+    """Estimates of encoder offsets, of errors of the torque measurement, and of gravity.
 
     - `offset`: true positions minus measured ones [n], rad or m; None if the encoders' zeros are known.
     - `error`: E with `τ_log = (1 + E) τ` for the joints' torques τ [n n]; None if the log has the joints' torques.
@@ -51,14 +54,14 @@ class Instruments:
     def started(
         cls, joints: int, encoder_offset: bool, actuator_map: str | None, gravity: np.ndarray | None = None
     ) -> Instruments:
-        """Return the first estimate, without offsets and torque errors.
+        """Return the first estimate: all unknown offsets and torque errors are 0.
 
         - `joints`: number of joints.
         - `encoder_offset`: True if offsets are unknown.
-        - `actuator_map`: None, `gain` or `full`.
-        - `gravity`: a first estimate of gravity, if its direction is unknown.
+        - `actuator_map`: None if the log has the joints' torques; `gain` or `full` as in `identify`.
+        - `gravity`: first estimate of gravity [3], m/s²; None if its direction is known.
 
-        Raises DefinitionError if the map has another form.
+        Raises DefinitionError if `actuator_map` has another value.
         """
         if actuator_map is not None and actuator_map not in MAPS:
             raise DefinitionError(f"`actuator_map` must be `gain` or `full`; got `{actuator_map}`")
@@ -75,7 +78,7 @@ class Instruments:
         return not (self.offset is None and self.error is None and self.gravity is None)
 
     def robot(self, robot: Articulated) -> Articulated:
-        """Return the arm with this gravity, and with zeros shifted so that its positions are those of the encoders."""
+        """Return the arm with this gravity, as a function of the encoders' positions."""
         if self.gravity is not None:
             robot = with_gravity(robot, self.gravity)
         return robot if self.offset is None else robot.with_zero(as_array(self.offset))
@@ -87,10 +90,10 @@ class Instruments:
         return replace(signals, tau=np.linalg.solve(np.eye(len(self.error)) + self.error, signals.tau.T).T)
 
     def refined(self, unknowns: Unknowns, theta: np.ndarray, source: str) -> Instruments:
-        """Return the instruments with the estimates of a fit.
+        """Return these instruments with offsets, errors and gravity from a fit's estimate.
 
-        - `unknowns`: the equation from `extended`.
-        - `theta`: the estimate of its θ.
+        - `unknowns`: the fitted equation, from `extended`.
+        - `theta`: the estimate of its unknowns θ [p].
         - `source`: name of the log, for messages.
 
         Raises DefinitionError if an entry of the torques' error is too large for a drive.
@@ -118,16 +121,17 @@ class Instruments:
         return replace(self, offset=offset, error=error, gravity=gravity)
 
     def extended(self, unknowns: Unknowns, robot: Articulated, signals: LogSignals, theta: np.ndarray) -> Unknowns:
-        """Return the equation with the instruments' errors as unknowns, linearised about these instruments and θ.
+        """Return a log's torque equation with offsets, torque errors and gravity as further unknowns.
 
-        Let `τ = k + Y θ` be the arm's torques as a function of the encoders' positions, with the known part k and the
-        regressor Y of `unknowns`. Then the log's torques are `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ Δγ)`, where E is the error
-        of the torques and Δδ the change of the offsets. The angles γ, by which gravity turns about two axes, are
-        relative to the last estimate.
+        The equation is linearised about these instruments and θ. Let `τ = k + Y θ` be the arm's torques at the
+        encoders' positions, with the known part k and the regressor Y of `unknowns`. Then the log's torques are
+        `(1 + E) (τ + ∂τ/∂q Δδ + ∂τ/∂γ Δγ)`. E is the error of the torques, and Δδ the change of the offsets. Δγ are the
+        two angles of `tangent`, by which gravity turns from its last estimate.
 
-        - `unknowns`: the equation without the instruments' errors.
+        - `unknowns`: the equation with the arm's parameters as its only unknowns.
         - `robot`: the arm as a function of the encoders' positions.
-        - `theta`: the last estimate of `unknowns`.
+        - `signals`: the log's signals.
+        - `theta`: the last estimate of the unknowns of `unknowns` [p].
         """
         n = robot.joints
         torque = unknowns.known + unknowns.columns @ theta

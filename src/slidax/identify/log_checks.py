@@ -52,9 +52,9 @@ class LogPieces:
 
 
 def require_no_copies(logs: Sequence[LogPieces]) -> None:
-    """Raise DefinitionError if a stretch of samples occurs in two parts of the logs.
+    """Raise DefinitionError if consecutive samples of a moving arm occur twice in the logs.
 
-    Noise that counts twice would halve the variance of every parameter. Samples at rest may be equal.
+    If copied samples counted twice, the parameters' variances would be too small, by up to a factor of two.
 
     - `logs`: the logs of a fit, cut at their gaps.
     """

@@ -300,7 +300,8 @@ def read_log(
       as `slidax run`, `slidax loop` and `ros2 bag` write them; a `ros2 bag` folder, or its `.db3`.
     - `joints`: the arm's joints, in its order.
     - `topic`: topic to read, if the log has several with joint states.
-    - `columns`: for `t`, `q`, `dq` or `tau`, the word in the titles of its columns, or a title per joint.
+    - `columns`: the word in the column titles of `t`, `q`, `dq` or `tau`, such as `{"tau": "effort"}`, or a list with
+      a title per joint.
     - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, to leave out.
 
     Raises DefinitionError if the file cannot be read, has another suffix, or is incomplete.

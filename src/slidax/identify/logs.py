@@ -128,7 +128,8 @@ class ReadOptions:
     """Options for reading a log whose column titles are ambiguous.
 
     - `topic`: topic to read, if the log has several with joint states.
-    - `columns`: for `t`, `q`, `dq` or `tau`, the word in the titles of its columns, or a title per joint.
+    - `columns`: the word in the column titles of `t`, `q`, `dq` or `tau`, such as `{"tau": "effort"}`, or a list with
+      a title per joint.
     - `drop`: quantities (`dq`), columns, joints by name, or joints by their number in the log, to leave out.
 
     Raises DefinitionError if a quantity is unknown, or if `t`, `q` or `tau` is dropped.

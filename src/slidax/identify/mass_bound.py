@@ -1,24 +1,24 @@
 """Relative bounds of a mass matrix for every configuration, from errors of the inertial parameters.
 
 The bound is `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q. M₀ is the mass matrix for the inertial parameters φ₀, and ΔM its
-change for the parameters' errors Δφ, in which it is linear. The proof needs no grid. Let V be the twist of the body
-that carries joint i, in the axes and at the origin of that joint, I the spatial inertia of the body that joint i moves,
-z the joint's axis and R the inertia of its rotor. Twice the kinetic energy of the arm is
+change for the parameters' errors Δφ, in which it is linear. The proof needs no grid of configurations. Let V be the
+twist of the body that carries joint i, at the joint's origin and in the axes of its frame. I_i is the spatial inertia
+of the body that joint i moves, z the joint's axis, and R_i the inertia of its rotor. Twice the arm's kinetic energy is
 
     q̇ᵀ M q̇ = Σ_i (V + z q̇_i)ᵀ I_i (V + z q̇_i) + R_i q̇_i²                                                     (1)
 
-Choose for each joint a quadratic form L_i on twists that the joint's own motion does not change: for a revolute joint
-a form that is symmetric about its axis, for a prismatic joint one that is invariant under displacements along its axis.
-Then `Vᵀ L_i V` has the same value on both sides of joint i for every q_i. Adding it to the body on the inner side and
-subtracting it from the body on the outer side does not change (1), and
+Choose for each joint a quadratic form L_i on twists that is invariant under the joint's own motion: rotation about its
+axis for a revolute joint, displacement along its axis for a prismatic joint. Then `Vᵀ L_i V` is the same in the frames
+before and after joint i, for every q_i. Adding it to the body that carries joint i, and subtracting it from the body
+that joint i moves, does not change (1). So
 
     q̇ᵀ M q̇ = Σ_i [V; q̇_i]ᵀ K_i [V; q̇_i],
     K_i = [1 z]ᵀ (I_i + Σ_c X_cᵀ L_c X_c) [1 z] + diag(0, R_i) - diag(L_i, 0)                                  (2)
 
-where c counts the joints that body i carries and X_c is the constant change of axes to joint c. No K_i depends on q.
-So if all K_i are positive semidefinite for the parameters `p φ₀ + Δφ` and some L, then `p M₀(q) + ΔM(q) ≥ 0` for every
-q, and the smallest such p is a small semidefinite program. K_i is restricted to the twists V that the inner joints can
-produce, which matters for planar arms.
+where c counts the joints that body i carries, and X_c is the constant change of axes to joint c. No K_i depends on q.
+If all K_i are positive semidefinite for the parameters `p φ₀ + Δφ` and some L, then `p M₀(q) + ΔM(q) ≥ 0` for every q.
+A small semidefinite program gives the smallest such p. K_i is restricted to the twists V that the joints between the
+base and joint i can produce, which matters for planar arms.
 
 Any L proves a bound; a better L proves a smaller one. The bounds are exact up to floating-point rounding.
 """
@@ -43,14 +43,14 @@ NEWTON_STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The matrix K_i of equation (2) in the module's docstring, on a basis of the possible twists.
+    """The matrix K_i [m m] of equation (2) in the module's docstring, on a basis of the possible twists.
 
-    It is linear in the inertial parameters φ and in the coefficients of the forms L.
+    It is a sum of constant matrices, each times an inertial parameter φ or a coefficient of a form L.
 
-    - `parameters`: indices in φ of the parameters in K_i: the body's ten, and the rotor.
-    - `forms`: indices of the coefficients in K_i among those of all forms L, the coefficients of L_i first.
+    - `parameters`: indices in φ of the parameters in K_i [11]: the body's ten, and the rotor.
+    - `forms`: indices of the coefficients in K_i among those of all forms L, the coefficients of L_i first [f].
     - `own`: number of coefficients of L_i.
-    - `of_parameters`, `of_forms`: matrix that each parameter [11 m m] and each coefficient [f m m] multiplies in K_i.
+    - `of_parameters`, `of_forms`: constant matrix of each parameter [11 m m] and of each coefficient [f m m].
     """
 
     parameters: np.ndarray
@@ -88,15 +88,15 @@ class MassBound:
             self._normalised.append((root @ block.of_parameters @ root, root @ block.of_forms @ root))
 
     def of(self, errors: np.ndarray, *, refine: bool = True) -> np.ndarray:
-        """Return for each of s parameter errors Δφ a p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
+        """Return for each of s parameter errors Δφ a bound p with `-p M₀(q) ≤ ΔM(q) ≤ p M₀(q)` for all q, [s].
 
-        With the centre's L₀ as a metric, `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised
-        `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L with the smallest sum of squares of all E_i is linear in Δφ and
-        gives a bound about 1.4 times the smallest. The smallest bound has a different L for each sign, and comes from
-        Newton's method with the barrier -log det.
+        Let L₀ be forms that prove `M₀(q) > 0` with a large margin, and `K_i⁰ = K_i(φ₀, L₀)`. Then the condition
+        `K_i(p φ₀ ± Δφ, p L₀ ± L) ≥ 0` is `|E_i| ≤ p` for the normalised `E_i = K_i⁰⁻¹ᐟ² K_i(Δφ, L) K_i⁰⁻¹ᐟ²`. The L
+        with the smallest sum of squares of all E_i is linear in Δφ. It gives a bound about 1.4 times the smallest. The
+        smallest bound has a different L for each sign, and comes from Newton's method with the barrier -log det.
 
         - `errors`: Δφ, in the order of `arm_parameters` [s 11n].
-        - `refine`: False for the bound from least squares alone.
+        - `refine`: True for nearly the smallest bound; False for the faster bound from least squares.
         """
         forms = self._least_squares(errors)
         both = [self._errors_of(errors, forms), self._errors_of(-errors, -forms)]

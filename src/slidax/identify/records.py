@@ -53,7 +53,10 @@ def parse_load(text: str) -> Payload | None:
 
 
 def has_known_difference(loads: Sequence[Payload | None]) -> bool:
-    """True if two of the known loads, those that are not None, differ in mass or in mass times centre."""
+    """True if two known loads differ in mass or in mass times centre, so that they set the scale of an actuator map.
+
+    - `loads`: load of each log; None if it is unknown.
+    """
     known = [parameters_of_payload(load)[:4] for load in loads if load is not None]
     return any((moments != known[0]).any() for moments in known)
 

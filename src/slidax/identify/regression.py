@@ -26,7 +26,8 @@ class ParameterFit:
     - `theta`: the parameters [p].
     - `covariance`: covariance of their errors [p p].
     - `information`: information matrix of data and prior [p p].
-    - `gain`: eigenvalues of the data's information relative to the prior's [p], largest first.
+    - `gain`: eigenvalues of the data's information matrix, for parameters and delays in units of their prior standard
+      deviations [p + logs], largest first.
     - `lag`, `lag_error`: delay of each log's torques after its positions, and its standard error [logs], s.
     - `sigma`: standard deviation of each joint's torque residuals [logs n], N m or N.
     """
@@ -130,12 +131,12 @@ DISAGREE = 1.5
 def with_disagreement(
     fitted: ParameterFit, unknowns: Sequence[Unknowns], signals: Sequence[LogSignals]
 ) -> tuple[ParameterFit, np.ndarray]:
-    """Return the combined fit, with its covariance widened for logs that disagree, and ratios of residuals [logs n].
+    """Return the combined fit with a larger covariance if logs disagree, and ratios of residuals [logs n].
 
-    A ratio compares a log's residual in the combined fit with that in a fit of this log alone. A log that the others
-    contradict, for instance since the arm's load or friction differed, gets a small weight. The covariance C therefore
-    gains `d dᵀ`, with d the step to the log's own fit in directions that it shows. Then `dᵀ (C + d dᵀ)⁻¹ d < 1`, and
-    the own fit lies in every usual confidence region.
+    A ratio is a log's residual in the combined fit over that in a fit of this log alone. A log that the others
+    contradict, for instance since the arm's load or friction differed, has large residuals and so a small weight. The
+    covariance C therefore gains `d dᵀ`. Here d is the step from the combined θ to the log's own fit, for which the
+    combined θ is the prior mean. Then `dᵀ (C + d dᵀ)⁻¹ d < 1`, and the own fit lies in every usual confidence region.
 
     - `fitted`: the combined fit.
     - `unknowns`, `signals`: as for `fit_parameters`.
@@ -188,17 +189,17 @@ def covariance_of_fit(
     """Return the covariance `A⁻¹ (Σ_j a_jᵀ R_j a_j) A⁻¹` of the error that noise causes in a least-squares fit, [p p].
 
     A is the information matrix of data and prior, a_j the regressor of joint j [k p], and R_j the covariance matrix of
-    this joint's noise in time [k k]. R_j is that of a stationary process, so each sample may be correlated with all
-    others. Its spectral density S is estimated from the residuals at the frequencies that matter, those where the
-    regressor has its power: model errors, such as those of friction, repeat with a periodic motion and have power only
-    there. At each frequency ω the fit absorbs some noise, and the residual r is smaller than the noise by the leverage
-    `h(ω) = a(ω)* A⁻¹ a(ω)`:
+    this joint's noise in time [k k]. The noise is a stationary process, so each sample may be correlated with all
+    others. Its spectral density S is estimated from the residuals, weighted by the regressor's power at each frequency.
+    Model errors, such as those of friction, repeat with a periodic motion, and have power at the same frequencies as
+    the regressor. At each frequency ω the fit absorbs a share of the noise, the leverage `h(ω) = a(ω)* A⁻¹ a(ω)`:
 
         S(ω) = ⟨h |r|²⟩ / ⟨h (1 - h)⟩ · ⟨h⟩ / ⟨h (1 - h)⟩
 
-    with ⟨ ⟩ the mean over a window of frequencies, and h as a share of the equations there. The first factor alone is
-    unbiased for few unknowns. The second makes the estimate as conservative as a jackknife (HC3 of MacKinnon and White,
-    *Some heteroskedasticity-consistent covariance matrix estimators with improved finite sample properties*, 1985).
+    with a(ω) and r the Fourier transforms of regressor and residual, h relative to the number of equations, and ⟨ ⟩ the
+    mean over a window of frequencies. The first factor alone is unbiased for few unknowns. The second makes the
+    estimate as conservative as a jackknife (HC3 of MacKinnon and White, *Some heteroskedasticity-consistent covariance
+    matrix estimators with improved finite sample properties*, 1985).
 
     The result has full rank. A covariance from sums over blocks of the log has not: with 40 blocks and 80 unknowns,
     some combinations of the unknowns would have no error at all.

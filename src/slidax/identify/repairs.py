@@ -60,13 +60,13 @@ def improve_entries(
     match_of: Callable[[np.ndarray], TorqueMatch],
     others: Callable[[np.ndarray], Iterator[np.ndarray]],
 ) -> tuple[np.ndarray, TorqueMatch]:
-    """Improve entries by greedy search: apply the best single change until the match no longer improves.
+    """Improve the signs or the order of joints by greedy search, and return them with their match.
 
-    Returns the last entries, and their match.
+    The search applies the best single change until the match no longer improves.
 
     - `start`: initial entries, such as each joint's sign [n].
-    - `match_of`: returns the match of the arm's torques with the log's under entries.
-    - `others`: yields all entries that differ from its argument by a single change or exchange.
+    - `match_of`: returns the match of the arm's torques with the log's for such entries.
+    - `others`: yields all entries that differ from its argument by a single change, as `flips` or `exchanges`.
     """
     best, match = start, match_of(start)
     for _ in range(len(start)):
@@ -95,10 +95,12 @@ def exchanges(order: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def order_option(robot: Articulated, order: np.ndarray, earlier: Sequence[str]) -> str:
-    """Return the value of an option such as `--joint-order`: for each joint of the log as read, the arm's joint.
+    """Return the value of an option such as `--joint-order`, joint names separated by commas.
+
+    For each column of the log as read, the name is that of the arm's joint whose values it has.
 
     - `order`: for each joint of the arm, the column with its values [n].
-    - `earlier`: value of this option that was already applied to the columns; empty without one.
+    - `earlier`: joint names of this option if it was already applied to the columns; empty otherwise.
     """
     names = list(robot.joint_names)
     belongs = {names[column]: names[joint] for joint, column in enumerate(order)}
@@ -415,7 +417,7 @@ def _scale_of(rigid: RigidTorques, sample: TorqueSample, sign: float = 0.0) -> t
 def torque_orders(
     robot: Articulated, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield alternative conventions: torques in another joint order, without and with other signs.
+    """Yield alternative conventions: torques in another joint order, first with their own signs, then with free signs.
 
     - `rigid`: torques of the arm's bodies.
     """
@@ -449,7 +451,7 @@ def torque_orders(
 def torque_delays(
     signals: LogSignals, rigid: RigidTorques, sample: TorqueSample, conventions: Conventions
 ) -> Iterator[Repair]:
-    """Yield the alternative in which torques come after the positions, or before them.
+    """Yield the alternative in which the torques are delayed or ahead in time, relative to the positions.
 
     - `rigid`: torques of the arm's bodies.
     """

@@ -1,4 +1,8 @@
-"""Evenly sampled, smoothed signals with their derivatives, and the filter of the regression."""
+"""Evenly sampled, smoothed signals of a log with their derivatives, and the low-pass filter of the regression.
+
+The regression passes both sides of each torque equation, torque and regressor, through this zero-phase filter. It is
+the equations' filter below.
+"""
 
 from __future__ import annotations
 
@@ -34,13 +38,13 @@ LEAST, MOST = 1.0, 30.0
 
 @dataclass(frozen=True, eq=False)
 class LogSignals:
-    """An evenly sampled log, in pieces without gaps, with the motion for a regressor.
+    """An evenly sampled log, in pieces without gaps, with smoothed velocities and accelerations.
 
     - `t`: times [k], s.
     - `motion`: smoothed positions, velocities and accelerations.
-    - `tau`: torques as measured [k n].
+    - `tau`: torques as measured [k n], N m or N.
     - `cut_off`: cut-off frequency of the equations' filter [Hz].
-    - `noise`: standard deviation of the velocities' noise [n].
+    - `noise`: standard deviation of the velocities' noise [n], rad/s or m/s.
     - `rate`: sampling rate within a piece [Hz].
     - `pieces`: evenly sampled rows; filters and derivatives do not cross their ends.
     - `measured`: True for rows near samples of the log [k].
@@ -62,7 +66,7 @@ class LogSignals:
         return signal.butter(ORDER, self.cut_off, fs=self.rate, output="sos")
 
     def filtered(self, columns: np.ndarray) -> np.ndarray:
-        """Return the columns after the fit's zero-phase low-pass filter, the same for torque and regressor, [k ...]."""
+        """Return columns, such as torques or a regressor, after the equations' zero-phase low-pass filter, [k ...]."""
         return _per_piece(lambda values: signal.sosfiltfilt(self._sos, values, axis=0), columns, self.pieces)
 
     def slope(self, columns: np.ndarray) -> np.ndarray:

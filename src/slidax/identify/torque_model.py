@@ -50,7 +50,7 @@ class TorqueSample:
     - `tau`: filtered torques [m n].
     - `counts`: False near standstill, where dry friction takes any value [m n].
     - `size`: standard deviation of the torques [n].
-    - `noise`: standard deviation of the torques' noise in the band [n].
+    - `noise`: standard deviation of the torques' noise below the filter's cut-off frequency [n].
     """
 
     t: np.ndarray
@@ -159,8 +159,8 @@ class TorqueMatch:
 
     - `errors`: residual of each joint, as a share of the torque's standard deviation [n].
     - `floor`: the sample's `floor`, the smallest residual that can be distinguished from 0 [n].
-    - `cost`: weighted sum of squared deviations of link masses, payload and drives from their prior; 1 counts as much
-      as one row with a residual as large as the torque.
+    - `cost`: weighted sum of squared deviations of link masses, payload and drives from their prior. A cost of 1 weighs
+      as much as the residual of one sample that is as large as the torque's standard deviation.
     """
 
     errors: np.ndarray
@@ -195,7 +195,8 @@ class RigidTorques:
 
     - `columns`: torque of each link, and of 1 kg at each of several points about the tip (`UNIT_MASSES`) [m n l].
     - `known`: torque of the payload in the arm's description [m n].
-    - `needed`: root mean square of the links' torque, plus a share of the torque limit for friction [n].
+    - `needed`: typical torque of each joint [n], from which the prior of the drives' parameters follows: root mean
+      square of the links' torque, plus a share of the torque limit for friction.
     - `mass`: mass of all links, kg.
     """
 

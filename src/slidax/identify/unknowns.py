@@ -52,10 +52,10 @@ class Unknowns:
     - `known`: torque of the known parameters [k n].
     - `prior`, `scale`: prior mean and standard deviation of θ [p].
     - `positive`: True for parameters that cannot be negative [p].
-    - `bodies`: index of each body's first parameter.
+    - `bodies`: index in θ of the first parameter of each unknown body: a link, a payload or a log's load.
     - `counts`: True for equations that the fit uses [k n].
-    - `carried`: parameters of the known bodies at the tip [10].
-    - `carries`: index of the first parameter of each unknown body at the tip.
+    - `carried`: inertial parameters of the known payload and load at the tip, together [10].
+    - `carries`: index in θ of the first parameter of each unknown payload or load that this log's arm carries.
     """
 
     names: tuple[str, ...]
@@ -206,9 +206,10 @@ BODY_NAMES = ("mass", "moment.x", "moment.y", "moment.z", "xx", "yy", "zz", "xy"
 
 
 def mark_moving(signals: LogSignals) -> np.ndarray:
-    """Return True for rows in which the joint slides throughout the filter's settling time, [k n].
+    """Return True for rows in which the joint moves and does not stick, so that its Coulomb friction is known, [k n].
 
-    The result is True in all settled rows for a joint that stands still.
+    The joint must move during the filter's settling time before and after the row. A joint that reverses too often for
+    this gets a shorter time. For a joint that never moves, the result is True in all rows where the filter has settled.
     """
     dq = signals.motion.dq
     largest = np.maximum(np.abs(dq).max(axis=0), STANDSTILL)

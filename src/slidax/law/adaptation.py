@@ -22,12 +22,14 @@ LEAST_SHARE = 0.01
 
 
 class Believed(AbstractRobot):
-    """Nominal arm with adapted rotor inertia: `M̂ = S (M0 + diag(max(J, 0) - J0)) S`; all else is nominal.
+    """Nominal arm with other rotor inertia: its inertia matrix is `M̂ = S (M0 + diag(max(J, 0) - J0)) S`.
 
-    M0 and J0 are the nominal inertia matrix and rotor inertia, J is the adapted rotor inertia. S is diagonal, with 1
-    where `J >= 0`; else it scales the joint's row and column so that the diagonal entry becomes `M0_ii + J - J0`. The
-    links' part `M0 - diag(J0)` is positive semidefinite. M̂ is therefore positive definite if every J is positive. The
-    scaling by S is a congruence, which does not change that.
+    M0 and J0 are the nominal inertia matrix and rotor inertia, J is the estimated rotor inertia. Bias and friction are
+    nominal. S is diagonal. Its entry is 1 where `J >= 0`. Where `J < 0` it scales the joint's row and column so that
+    the diagonal entry becomes `M0_ii + J - J0`.
+
+    M̂ is positive definite if every J is positive, since the links' part `M0 - diag(J0)` is positive semidefinite. The
+    congruence with S does not change that.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
@@ -119,8 +121,8 @@ class LearnedParameters(eqx.Module):
 class AbstractAdaptation(AbstractPart):
     """Correction of an arm's nominal model: inertia `M̂ = M0 + diag(J - J0)` and Coulomb friction `f tanh(q̇/v_s)`.
 
-    J is the estimated rotor inertia, J0 that of the nominal model. Where `J < 0` the links themselves are lighter, and
-    rows and columns of M0 are scaled, so that M̂ is positive definite (`Believed`).
+    J and f are the estimated rotor inertia and Coulomb friction. M0 and J0 are nominal. J < 0 means that the links are
+    lighter than the nominal ones. Rows and columns of M0 are then scaled, so that M̂ is positive definite (`Believed`).
     """
 
     moves_bias: ClassVar[bool] = False
@@ -148,7 +150,10 @@ class AbstractAdaptation(AbstractPart):
         """Return the estimated parameters of the joints."""
 
     def per_joint(self) -> AbstractAdaptation:
-        """Return a copy without parameters of other shapes than one number or [n], for a check of all other shapes."""
+        """Return a copy that keeps only parameters of one number, or one for each joint.
+
+        `SampledData` compares the shapes in this copy with the number of joints.
+        """
         return self
 
     def signals(self, memory: Memory) -> dict[str, Array]:
@@ -165,11 +170,11 @@ class AbstractAdaptation(AbstractPart):
         return jnp.ones((), bool)
 
     def robot(self, nominal: AbstractRobot, memory: Memory) -> Believed:
-        """Return the nominal arm with the estimated rotor inertias; its friction stays nominal."""
+        """Return the nominal arm with the estimated rotor inertias J."""
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
     def changed_links(self, memory: Memory) -> Bool[Array, ""]:
-        """True if the last sample may have changed more of the model than J and f; read only if `moves_bias`."""
+        """True if the last sample may have changed payload or links of the model; read only if `moves_bias`."""
         return jnp.ones((), bool)
 
     def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: Memory) -> Vector:
@@ -182,12 +187,12 @@ class AbstractAdaptation(AbstractPart):
         return jnp.diagonal(robot.mass(q))
 
     def frozen(self, memory: Memory) -> AbstractAdaptation:
-        """Return a constant adaptation with the current estimates. Its memory is zeros [n]."""
+        """Return a constant adaptation with the current estimates; its own memory is zeros [n]."""
         learnt = self.learnt(memory)
         return KnownJoints(rotor=learnt.rotor, coulomb=learnt.coulomb, counted=self.counted, smoothing=self.smoothing)
 
     def mass_at_start(self, mass: Matrix) -> Matrix:
-        """Return the inertia matrix M̂ before the first sample from the nominal M0, both [n n]."""
+        """Return the inertia matrix M̂ that the law uses before the first sample, [n n]; `mass`: the nominal M0."""
         nothing = jnp.zeros(mass.shape[0])
         rotor = self.learnt(self.init(State(q=nothing, dq=nothing))).rotor
         return with_rotors(mass, rotor, self.counted)

@@ -1,4 +1,4 @@
-"""Learn the whole arm during the motion: payload, link masses, friction and rotors."""
+"""Estimate the arm's payload, link masses, friction and rotors during the motion, by regression over time windows."""
 
 from __future__ import annotations
 
@@ -91,9 +91,9 @@ SLOWEST, SOFTEST = 0.01, 0.1
 class ArmLearningMemory(eqx.Module):
     """Memory of `ArmLearning` between two samples.
 
-    - `joints`: memory of each joint's own learning.
-    - `slot`: number of the next sample within the time between two windows.
-    - `clean`: samples since the last gap.
+    - `joints`: memory of `JointLearning`, which learns rotor inertia and friction of each joint alone.
+    - `slot`: number of the next sample, counted from the end of the last window.
+    - `clean`: samples since the last lost one.
     - `sums`: weighted sums of the four overlapping windows, from `window_sums`.
     - `equations`: equations of the last window.
     - `estimates`, `trust`: estimated parameters of the arm, and the evidence for them.
@@ -111,19 +111,18 @@ class ArmLearningMemory(eqx.Module):
 
 
 class ArmLearning(AbstractAdaptation):
-    """Recursive least squares over smooth windows, for 10 + 5 n parameters of the arm (`ArmParameters`).
+    """Recursive least squares over windows of 40 ms, for 10 + 5 n parameters of the arm (`ArmParameters`).
 
-    Each window of four times 10 ms gives position, velocity, acceleration and torque in its middle without a lag and
-    without numerical differentiation, and with them one equation for each joint, `τ - τ_nominal = aᵀθ`, linear in the
-    parameters θ. The update is spread over the samples until the next window.
+    A window begins every 10 ms. Weighted sums over it give position, velocity, acceleration and torque in its middle,
+    without a lag. They yield one equation `τ - τ_nominal = aᵀθ` for each joint, linear in the parameters θ. The update
+    is spread over the samples until the next window.
 
-    The law uses `M̂`, bias and friction of a model between that of `joints`, its own learning of each joint, and the
-    arm's: their shares are 1 - α and α. α is 0 until every M_ii is known to 20 % and the model explains the torque,
-    and after a push, in contact and after a lasting change (`judge`). A wrong model of the arm is therefore no worse
-    than none.
+    The law interpolates between two models, with the weights 1 - α and α: that of `joints`, which learns each joint
+    alone, and the arm's. α is 0 until every M_ii is known to 20 % and the arm's model explains the torque. It returns
+    to 0 after a lasting change or a loss of samples (`judge`). A wrong model of the arm is thus no worse than none.
 
-    θ is steered into the set of arms that can exist: link factors in [0.4, 1.6], rotors within those of `joints`, and
-    a positive definite pseudo-inertia of the last link with its payload. The law's parameters are projected onto it.
+    θ is moved towards the set of arms that can exist: link factors in [0.4, 1.6], rotors within the limits of `joints`,
+    and a positive definite pseudo-inertia of the last link with its payload. The used θ is projected onto this set.
 
     Source: docs/arm-learning.md; Atkeson, An and Hollerbach, Estimation of inertial parameters of manipulator loads and
     links, 1986; Wensing, Kim and Slotine, RA-L 2018.
@@ -156,11 +155,11 @@ class ArmLearning(AbstractAdaptation):
 
     @property
     def shapes(self) -> TorqueShapes:
-        """Stribeck friction and ripple; at the start their coefficients have the deviation of Coulomb friction."""
+        """Functions of q and q̇ for Stribeck friction and ripple, whose coefficients are learnt."""
         return TorqueShapes(self.stribeck, self.ripple)
 
     def parameters(self, vector: Float[Array, " p"]) -> ArmParameters:
-        """Return the parameters of the arm from one vector θ, in the order of `ArmParameters.of`."""
+        """Return the arm's parameters from one vector θ, [p] in the order of `ArmParameters.of`."""
         return ArmParameters.of(vector, self.shapes.count)
 
     def deviations(self, joints: int) -> Float[Array, " p"]:
@@ -416,7 +415,7 @@ class ArmLearning(AbstractAdaptation):
         )
 
     def robot(self, nominal: AbstractRobot, memory: ArmLearningMemory) -> Believed:
-        """Return the nominal arm with the share α of the learnt payload, links and ripple, and with the rotors."""
+        """Return the arm that the law uses: α times the learnt payload, links and ripple, and the learnt rotors."""
         own = self.parameters(memory.estimates.used)
         arm: AbstractRobot = arm_with(nominal, memory.trust.share, own)
         if self.ripple is not None and own.more is not None:
@@ -424,7 +423,7 @@ class ArmLearning(AbstractAdaptation):
         return Believed.of(arm, self.learnt(memory).rotor, self.counted)
 
     def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: ArmLearningMemory) -> Vector:
-        """Return `coupled_inertia` of the last window; `M̂_ii` at q while α is 0, since no coupling is known."""
+        """Return `coupled_inertia` after the last window, [n], kg m² or kg; while α is 0, `M̂_ii` at q."""
         return jax.lax.cond(
             memory.trust.share > 0.0, lambda: memory.filter_inertia, lambda: jnp.diagonal(robot.mass(q))
         )
@@ -441,18 +440,18 @@ class ArmLearning(AbstractAdaptation):
         return own + memory.trust.share * (learnt - own)
 
     def share(self, memory: ArmLearningMemory) -> Scalar:
-        """Return α, the weight of the arm's model in the law's model, 0 to 1."""
+        """Return α, the weight of the learnt arm model in the model that the law uses, 0 to 1."""
         return memory.trust.share
 
     def settled(self, memory: ArmLearningMemory) -> Bool[Array, ""]:
-        """True while α is 1: the law uses the arm's model alone."""
+        """True while α is 1: the law uses the learnt arm model alone."""
         return memory.trust.share >= 1.0
 
     def signals(self, memory: ArmLearningMemory) -> dict[str, Array]:
-        """Return `rotor`, `coulomb`, and the arm's parameters with their deviations.
+        """Return `rotor`, `coulomb`, and the arm's parameters with their standard deviations, by name, for logs.
 
-        `arm_share` is α; `inertia_deviation` [n] that of M_ii over M_ii. `static_excess`, `ripple_cosine` and
-        `ripple_sine` [n] are the coefficients of Stribeck friction and ripple, if they are learnt.
+        `arm_share` is α. `inertia_deviation` [n] is the standard deviation of M_ii over M_ii. `static_excess`,
+        `ripple_cosine` and `ripple_sine` [n] are the coefficients of Stribeck friction and ripple, if they are learnt.
         """
         arm, deviation = (self.parameters(v) for v in (memory.estimates.used, memory.estimates.deviation))
         return {
@@ -486,9 +485,9 @@ class ArmLearning(AbstractAdaptation):
 
     @classmethod
     def of_arm(cls, joints: JointLearning, *, period: float, **parameters: Any) -> ArmLearning:
-        """Return the learning for an arm, with windows of 40 ms, or twelve periods if that is more.
+        """Return the adaptation for an arm, with windows of 40 ms, or of twelve periods if that is more.
 
-        - `joints`: learning of each joint, as of `JointLearning.of_arm`.
+        - `joints`: adaptation of each joint alone, from `JointLearning.of_arm`.
         - `period`: h [s].
         - `parameters`: parameters that replace the defaults.
 

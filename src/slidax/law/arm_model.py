@@ -73,16 +73,17 @@ class ArmParameters(eqx.Module):
 
 
 def friction_shapes(dq: Vector) -> tuple[Vector, Vector]:
-    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n]; as `v_2 = 4 v_1`, the first follows by two double-angle steps."""
+    """Return `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, [n] each, with v_1 and v_2 from `FRICTION_SPEEDS`."""
+    # As `v_2 = 4 v_1`, the first follows by two double-angle steps.
     second = jnp.tanh(dq / FRICTION_SPEEDS[1])
     half = 2.0 * second / (1.0 + second * second)
     return 2.0 * half / (1.0 + half * half), second
 
 
 class TorqueShapes(eqx.Module):
-    """Stribeck friction and position ripple of the drives, linear in their coefficients.
+    """Stribeck friction and position ripple of the drives, linear in the coefficients c_0, c_1 and c_2.
 
-    Stribeck friction is `c exp(-(q̇/v_st)²) tanh(q̇/v_1)`; ripple over the position is `c cos(N q) + s sin(N q)`.
+    Stribeck friction is `c_0 exp(-(q̇/v_st)²) tanh(q̇/v_1)`. Ripple is `c_1 cos(N q) + c_2 sin(N q)`.
 
     - `stribeck`: v_st; None without Stribeck friction.
     - `ripple`: N, periods per turn; None without ripple.
@@ -103,7 +104,7 @@ class TorqueShapes(eqx.Module):
         return {} if coefficients is None else dict(zip(names, coefficients, strict=True))
 
     def of(self, q: Vector, dq: Vector) -> list[Vector]:
-        """Return the torque for a coefficient of 1, [n] each: Stribeck friction, then cosine and sine of the ripple."""
+        """Return the torques for coefficients of 1, [n] each: Stribeck friction, cosine and sine of the ripple."""
         return [*self._slow(dq), *self._waves(q)]
 
     def friction(self, dq: Vector, coefficients: Float[Array, "m n"]) -> Vector:
@@ -112,7 +113,7 @@ class TorqueShapes(eqx.Module):
         return coefficients[0] * slow[0] if slow else jnp.zeros_like(dq)
 
     def ripple_torque(self, q: Vector, coefficients: Float[Array, "m n"]) -> Vector:
-        """Return the torque that the drives need against ripple, [n], N m or N; `coefficients` in the order of `of`."""
+        """Return the torque that compensates ripple, [n], N m or N; `coefficients` in the order of `of`."""
         cosine, sine = self._waves(q)
         return coefficients[-2] * cosine + coefficients[-1] * sine
 
@@ -126,7 +127,7 @@ class TorqueShapes(eqx.Module):
 
 
 class Rippled(AbstractRobot):
-    """An arm with torque ripple over the position: its bias contains the torque that the drives need against it."""
+    """An arm with position-dependent torque ripple; its bias contains the torque that compensates the ripple."""
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
     joint_names: tuple[str, ...] = piece("names of the joints", static=True)
@@ -156,9 +157,9 @@ class Rippled(AbstractRobot):
 def coupled_inertia(mass: Matrix, share: Scalar) -> Vector:
     """Return the inertia from which each joint's estimator bandwidth is computed, [n], kg m² or kg.
 
-    It is the geometric mean of `M_ii` and `1/√(Σ_j (M⁻¹)_ij²)` with the weights 1 - α and α. The second is the inertia
-    with which a joint responds to torques of equal density on all joints. A payload's coupling makes it much smaller
-    than `M_ii`.
+    It is the geometric mean of `M_ii` and `1/√(Σ_j (M⁻¹)_ij²)` with the weights 1 - α and α. The second is the joint's
+    effective inertia under independent random torques of equal variance on all joints. The coupling by a payload makes
+    it much smaller than `M_ii`.
 
     - `mass`: inertia matrix M [n n].
     - `share`: α, weight of the learnt arm model in the law's model.
@@ -175,10 +176,10 @@ def parameter_count(joints: int, more: int = 0) -> int:
 
 
 def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -> Adjusted:
-    """Return a nominal arm with a share of the differences in payload and links; rotors and friction stay nominal.
+    """Return a nominal arm with changed payload and links; its rotors and friction stay nominal.
 
-    - `share`: factor of the differences, 0 to 1.
-    - `parameters`: the differences from the nominal arm.
+    - `share`: factor of the changes, 0 to 1.
+    - `parameters`: the changes; only `payload` and `factors` are used.
 
     Raises DefinitionError if the arm is not an articulated one.
     """
@@ -191,19 +192,19 @@ def arm_with(nominal: AbstractRobot, share: Scalar, parameters: ArmParameters) -
 
 
 def articulated(arm: AbstractRobot | None) -> Articulated:
-    """Return the arm itself, typed as an articulated arm: `arm_with` has checked that it is one."""
+    """Return the same arm with the type `Articulated`, for a caller that has checked it by `arm_with`."""
     assert isinstance(arm, Articulated)
     return arm
 
 
 def link_body(arm: Articulated) -> Float[Array, "10"]:
-    """Return mass, first moment and inertia of the link that carries the tip, with its payload [10]."""
+    """Return the nominal body of the link that carries the tip, with its payload [10], as `ArmParameters.payload`."""
     bodies, at = arm.bodies(), arm.tip_joint
     return jnp.concatenate([bodies.mass[at][None], bodies.moment[:, at], bodies.inertia[:, at]])
 
 
 class KnownArm(AbstractAdaptation):
-    """Constant differences from the nominal arm, from an identification or an earlier run of `arm_learning`."""
+    """Constant differences from the nominal arm, from an identification or an earlier run of `ArmLearning`."""
 
     title = "Known payload, link masses, friction and rotor inertia, constant during the run."
     moves_bias: ClassVar[bool] = True

@@ -1,4 +1,7 @@
-"""The calm step: smallest torque changes while the error is well inside its envelope."""
+"""The calm step of a law: it changes the torque as little as possible while the error is well inside its envelope.
+
+The led error is `y = e + c ė` with the lead time `c = H - h/2`, the period h and the horizon H of the law's plan.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,10 @@ largest relative excess of the error over the threshold that counts."""
 
 
 class Calm(AbstractPart):
-    """Settings of the calm step: each joint's bandwidth is `ω0 (M0_ii)^(-1/3)`, and larger while its error is large."""
+    """Settings of the calm step.
+
+    A joint's bandwidth is `ω0 (M0_ii)^(-1/3)` with its nominal inertia M0_ii, and larger while its error is large.
+    """
 
     title = "Smallest torque changes while the error is well inside its envelope."
 
@@ -57,8 +63,8 @@ class CalmMemory(eqx.Module):
     - `plan`: memory of the law's own step.
     - `acceleration`: acceleration of the last step minus the reference's, rad/s² or m/s².
     - `disturbance`: ŵ, estimated disturbance at the last step, rad/s² or m/s².
-    - `inside`: time well inside the envelope so far, s.
-    - `pace`: bandwidth over its value for small errors.
+    - `inside`: time for which the joint has been well inside its envelope, s; at most twice `WAIT`.
+    - `pace`: ratio of the bandwidth to its value for small errors.
     - `usual`: recent mean of the change of ŵ from one sample to the next, rad/s² or m/s².
     """
 
@@ -71,27 +77,27 @@ class CalmMemory(eqx.Module):
 
 
 class CalmStep(AbstractStep):
-    """A step with a surface, which changes the torque as little as it can while a joint is well inside its envelope.
+    """A step that changes the torque as little as it can while a joint is well inside its envelope.
 
-    All accelerations are relative to the reference's. The error e and its rate v are those when the torque sets in, a⁻
-    is the last step's acceleration, and Δw the change of the disturbance since then. h is the period, H the horizon,
-    `y = e + (H - h/2) v` the led error, ρ_a the radius of its envelope at the horizon's end, and b and b̄ the sides of
-    the envelope over its radius:
+    All accelerations are relative to the reference's. e and v are the errors of position and velocity at the time when
+    the torque sets in. a⁻ is the last step's acceleration, and Δw the change of the estimated disturbance ŵ since then.
+    ρ_a is the radius of the led error's envelope at the end of the horizon. b ρ_a and b̄ ρ_a are its two sides.
 
     1. `z = a⁻ + Δw`: the acceleration if the torque does not change;
     2. `a = z - K1 e - K2 v - K3 z`: with `e⁺ = e + h v + h² a/2`, `v⁺ = v + h a` the loop has the poles `exp(-d)` and
        `exp(d (-0.7 ± 0.71 i))`, `d = ω h`;
-    3. the normalised place `ψ = (H (H a + v) + y)/ρ_a` to which a leads is clipped to `[room b, room b̄]`:
+    3. a leads to the normalised led error `ψ = (H (H a + v) + y)/ρ_a`. ψ is clipped to `[room b, room b̄]`, and
        `a = ((ρ_a ψ - y)/H - v)/H`.
 
-    y moves to `(1 - h/H) y + (h/H) ρ_a ψ` in one period as in the law's own step, with ψ between the same sides
-    (docs/sampled-data.md). The law's own step decides for a joint outside `0.2 ϑρ` or `0.3` of the led envelope, and
-    for 0.1 s after that. It decides for all joints after lost samples, after a limit of the drives has acted, after a
-    sudden disturbance (a ŵ that changes by six times the mean of the last second), and while a learnt model of the arm
+    In one period y moves to `(1 - h/H) y + (h/H) ρ_a ψ`, as in the law's own step (docs/sampled-data.md). The law's own
+    step is used for a joint while `|e|` exceeds 0.2, or `|y|` 0.3, of its envelope's narrower side, and 0.1 s longer.
+    It is used for all joints after lost samples, after a limit of the drives has acted, and after a sudden disturbance:
+    a change of ŵ by more than six times its mean over the last second. It is also used while a learnt model of the arm
     is not in full use.
 
-    ω is `ω0 (M0_ii)^(-1/3)`: the least sum of the squares of error and torque step has it for every inertia. It grows
-    by up to `exp(90 h)` a period while `|e|` is larger than `near ϑρ`, and falls again by `exp(-0.5 h)`.
+    The bandwidth `ω = ω0 (M0_ii)^(-1/3)` minimises the sum of squared error and torque change for every inertia. While
+    `|e|` exceeds the share `near` of the narrower side, ω grows by up to `exp(90 h)` in each period. Otherwise it falls
+    back by `exp(-0.5 h)`.
 
     Signals: those of the law's own step; `calm` [n], 1 where the step is calm; and `bandwidth` [n], ω.
     """
@@ -206,9 +212,9 @@ class CalmStep(AbstractStep):
 
 
 def gains(bandwidth: Vector, h: Scalar) -> tuple[Vector, Vector, Vector]:
-    """Return the gains K1 [1/s²], K2 [1/s] and K3 of `a = z - K1 e - K2 v - K3 z`, [n] each, by pole placement.
+    """Return the gains K1 [1/s²], K2 [1/s] and K3 of `a = z - K1 e - K2 v - K3 z`, [n] each, as in `CalmStep`.
 
-    Ackermann's formula gives them for the state e, v, z and the poles of `CalmStep`.
+    Ackermann's formula gives them for the state (e, v, z) and the poles of `CalmStep`.
 
     - `bandwidth`: ω of each joint [n], rad/s.
     - `h`: period [s].

@@ -17,7 +17,7 @@ from .surfaces import AbstractSurface
 
 
 class AbstractController(AbstractPart):
-    """A pure function from measurements to a torque, with explicit memory. It never sees the plant."""
+    """A pure function from measurements to a torque, with explicit memory. It has no access to the simulated plant."""
 
     plans: ClassVar[bool] = False
     """True if the sampled-data form of the law plans over a horizon, by an `implicit_step`."""
@@ -53,21 +53,21 @@ class AbstractController(AbstractPart):
         """Return the bounds that the error must keep at time t [s]; None for a scheme without an envelope."""
 
     def implicit_step(self, recovery: Recovery | None, slopes: bool) -> AbstractStep | None:
-        """Return the law as an implicit step over a horizon, for `sampled_data`; None if it has no such form.
+        """Return the law as an implicit Euler step over a horizon, for `sampled_data`; None if it has no such form.
 
         - `recovery`: policy outside the envelope; None: return to the prescribed envelope.
-        - `slopes`: True to include in τ0 + τ1, from which the size u of the robust torque is computed, the acceleration
-          that keeps s constant, as in the paper's eq. (45). False leaves it out, so that u is smaller.
+        - `slopes`: the size u of the robust torque grows with τ0 + τ1, the paper's eq. (45). True includes in τ0 + τ1
+          the acceleration that keeps s constant, as printed. False leaves it out, so that u is smaller.
         """
         return None
 
     def at_period(self, period: Scalar) -> AbstractController:
-        """Return the law with gains for a sampling period [s]; used for laws without an implicit step."""
+        """Return the law with gains for a sampling period [s]; called only for laws without an implicit step."""
         return self
 
 
 class AbstractModelBased(AbstractController):
-    """A law that computes with a nominal arm; by default without an envelope and without a memory."""
+    """A law that uses a nominal arm model; by default it has no envelope and no memory."""
 
     nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
 

@@ -1,4 +1,7 @@
-"""Performance functions: prescribed bounds of the tracking error over time."""
+"""Performance functions: prescribed bounds of the tracking error over time.
+
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w, and [28] a reference of it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Error transformations: from the tracking error in its envelope to the transformed error."""
+"""Error transformations: from the tracking error in its envelope to the transformed error.
+
+The led error `y = e + c ė` is the error e extrapolated by the lead time c. The envelope of e has the radius ρ, that of
+y the led radius `ρ + c ρ̇`. The horizon H is the time over which a sampled-data law plans in each period. The paper is
+Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w.
+"""
 
 from __future__ import annotations
 
@@ -73,11 +78,11 @@ def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "...
 
 
 class EnvelopeFrame(eqx.Module):
-    """Limits of the led error `y = e + c ė` now, and at the end of a plan over one horizon H; c is the lead time.
+    """Envelope of the led error y, now and one horizon H later: `b now < y < b̄ now`, with the sides b and b̄.
 
-    - `now`: radius of the led envelope, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
+    - `now`: led radius now, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
     - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.
-    - `sides`: sides of the envelope; None without one.
+    - `sides`: b and b̄ [n]; None without an envelope.
     """
 
     now: PerJoint
@@ -85,20 +90,20 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return `ψ(ε)`, a led error over its radius, and its derivative with respect to ε, [n] each.
+        """Return the normalised led error `ψ(ε)` and its derivative `ψ'(ε)`, [n] each.
 
-        Multiplied by `now` or `ahead` it is the led error `y = e + c ė` at that time. Without an envelope ψ(ε) = ε.
+        `now ψ(ε)` is a led error at the present time, `ahead ψ(ε)` one horizon later. Without an envelope ψ(ε) = ε.
 
-        - `eps`: transformed error [n].
+        - `eps`: transformed error ε [n].
         """
         if self.sides is None:
             return eps, jnp.ones_like(eps)
         return psi_and_slope(eps, self.sides)
 
     def transformed(self, y: Vector) -> Vector:
-        """Return the transformed error `ψ⁻¹(y/now)` of a led error y, [n].
+        """Return the transformed error `ψ⁻¹(y/now)` of a led error y at the present time, [n].
 
-        y is clipped to the limits less a relative 1e-9, so that the result is finite for every y.
+        y is first clipped to 1 - 1e-9 of its envelope, so that the result is finite for every y.
 
         - `y`: led error [n], rad or m.
         """
@@ -110,7 +115,7 @@ class EnvelopeFrame(eqx.Module):
 
 
 class TransformedError(eqx.Module):
-    """The transformed error on which a surface acts, `ε̇1 = ε2 = B (ė + A e)`, the paper's eqs. (25)-(28). All [n].
+    """The transformed error ε1 and its rate, `ε̇1 = ε2 = B (ė + A e)`, the paper's eqs. (25)-(28). All [n].
 
     - `eps1`: transformed error ε1.
     - `eps2`: its rate ε2, 1/s.
@@ -127,7 +132,7 @@ class TransformedError(eqx.Module):
 
 
 class AbstractTransformation(AbstractPart):
-    """A map from error and time to the transformed error, fixed by the error at the start."""
+    """A map from error and time to the transformed error. The initial error selects the sides of the envelope."""
 
     @abstractmethod
     def init(self, t: Scalar, e: Vector) -> Memory:
@@ -156,7 +161,7 @@ class AbstractTransformation(AbstractPart):
 
     @abstractmethod
     def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Memory) -> EnvelopeFrame:
-        """Return the limits of the led error `y = e + c ė` now and one horizon later, for a law with an implicit step.
+        """Return the envelope of the led error now and one horizon later, for a law with an implicit step.
 
         - `t`: time [s].
         - `lead_time`: c [s].
@@ -172,7 +177,7 @@ SLIMMEST = 0.1
 class PrescribedPerformance(AbstractTransformation):
     """`ε1 = ψ⁻¹(e/ρ)`, the paper's eqs. (23), (24): an error inside the envelope becomes any real number.
 
-    The side of the envelope towards the initial error has the full width ρ, the other ϑ ρ.
+    The side of the envelope towards the initial error has the width ρ, the other side ϑ ρ.
     """
 
     title = "The logarithmic transformation from the envelope to all real numbers."
@@ -207,7 +212,10 @@ class PrescribedPerformance(AbstractTransformation):
         return Envelope(lower=memory.lower * rho, upper=memory.upper * rho)
 
     def frame(self, t: Scalar, lead_time: Scalar, horizon: Scalar, memory: Sides) -> EnvelopeFrame:
-        """Return the envelope of the led error, and its tangent one horizon later."""
+        """Return the envelope of the led error now and, along its tangent, one horizon later.
+
+        Both radii are at least 0.1 ρ.
+        """
         rho, drho, ddrho = self.performance.radius_rate_curvature(t)
         slimmest = SLIMMEST * rho
         now = jnp.maximum(rho + lead_time * drho, slimmest)
@@ -217,7 +225,7 @@ class PrescribedPerformance(AbstractTransformation):
 
 
 class Unconstrained(AbstractTransformation):
-    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: with it, the paper's eqs. (40)-(45) are a law without an envelope."""
+    """`ε1 = e`, `ε2 = ė`, `B = I`, `A = Ȧ = 0`: the paper's eqs. (40)-(45) then give a law without an envelope."""
 
     title = "The identity, for schemes without an envelope."
 

@@ -1,4 +1,8 @@
-"""Estimators: from measurements to the state and the disturbance."""
+"""Estimators: from measurements to the state and the disturbance ŵ, an acceleration that the model does not explain.
+
+In the formulas a prime marks a measured value, `_predicted` the nominal model's prediction with the last ŵ, and ⁺ the
+value after this sample. h is the time since the last measurement.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ from slidax.core.types import Memory, PerJoint, Scalar, State, Vector
 
 
 class Estimate(eqx.Module):
-    """Estimated state and unmodelled acceleration at one sample.
+    """Estimated state and disturbance at one sample.
 
     - `state`: estimated positions and velocities.
     - `disturbance`: ŵ, the estimated acceleration that the nominal model does not explain [n], rad/s² or m/s².
@@ -39,7 +43,7 @@ class AbstractEstimator(AbstractPart):
     def init(self, measured: State) -> Memory:
         """Return the memory after the first measurement: any pytree of arrays, also an empty one.
 
-        The first estimate is that measurement, with `disturbance = 0`.
+        The first estimate is this measurement, with `disturbance = 0`.
         """
 
     @abstractmethod
@@ -64,9 +68,9 @@ class AbstractEstimator(AbstractPart):
         return self
 
     def with_share(self, share: Scalar) -> AbstractEstimator:
-        """Return the estimator for another weight of the learnt model; `self` if it does not depend on the weight.
+        """Return the estimator for a weight of the learnt arm model; `self` if it does not depend on the weight.
 
-        - `share`: weight of the learnt model in the law's model, 0 to 1.
+        - `share`: weight of the learnt arm model in the model that the law uses, 0 to 1.
         """
         return self
 
@@ -74,13 +78,13 @@ class AbstractEstimator(AbstractPart):
 def reset_position(
     measured: State, prior: Estimate, elapsed: Scalar, missed: Bool[Array, "..."], usual: Estimate
 ) -> Estimate:
-    """Return an estimate from the measured position if samples were missed; else `usual`.
+    """Return an estimate that starts anew from the measured position if samples were missed; else `usual`.
 
-    After missed samples the estimate has the measured position q', the velocity `q̇ + 2 (q' - q)/T`, and the previous
-    disturbance. The velocity is exact if the acceleration error was constant since the last measurement.
+    The new estimate has the measured position q', the velocity `q̇ + 2 (q' - q)/T`, and the predicted disturbance. The
+    velocity is exact if the acceleration error was constant since the last measurement.
 
-    - `measured`: measured positions; velocities are not used.
-    - `prior`: q and q̇, the prediction.
+    - `measured`: measured positions q'; velocities are not used.
+    - `prior`: prediction of q and q̇ at this measurement, and the last disturbance.
     - `elapsed`: T, time since the last measurement [s], > 0.
     - `missed`: True if samples were missed.
     - `usual`: the estimate without missed samples.
@@ -103,10 +107,10 @@ loop is then stable for believed inertias of 1/3 to 3/2 of the true one."""
 class Measured(AbstractEstimator):
     """`q = q'`, `q̇ = q̇'`, and the disturbance from the velocity's prediction error by an α-β filter.
 
-    A prime marks measured values. With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`,
-    `d⁺ = d + b (r + ŵ - w - h d)/h`, `ŵ⁺ = w⁺ + ahead h d⁺`. Here w is the unexplained acceleration in the middle of
-    the last period and d its rate. The disturbance ŵ is extrapolated to the time when the next torque acts, which
-    compensates a steady growth without a lag. For sensors with a good velocity.
+    With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`, `d⁺ = d + b (r + ŵ - w - h d)/h`,
+    `ŵ⁺ = w⁺ + ahead h d⁺`. w is the unexplained acceleration in the middle of the last period, d its rate, and g and b
+    are the gains `gain` and `trend`. ŵ is extrapolated by `ahead` periods to the time when the next torque acts. A
+    disturbance that grows steadily is thus compensated without a lag. For sensors that measure velocity accurately.
     """
 
     title = "Measured positions and velocities, and an α-β filter of the disturbance."
@@ -144,13 +148,13 @@ class Measured(AbstractEstimator):
 
     @classmethod
     def tolerant(cls, delay: float, most: Any = 1.0) -> Measured:
-        """Return the default filter, for a joint whose inertia or drive torque may be far from the nominal one.
+        """Return the default filter, for a joint whose inertia or drive torque may be far from nominal.
 
-        Extrapolation of the disturbance makes the loop tolerate less error of the inertia, and still less with a longer
-        delay. Up to one period of delay the filter is `critical` with g = 1/6; beyond, it has no trend, and g = 0.3.
-        docs/learning.md has the inertia ratios that the loop tolerates.
+        Up to one period of delay the filter is `critical` with g = 1/6. For longer delays it has g = 0.3 and no
+        extrapolation, since extrapolation over a longer delay makes the loop less tolerant to errors of the inertia.
+        docs/learning.md lists the tolerated ratios of inertia.
 
-        - `delay`: age of a measurement when its torque sets in [periods].
+        - `delay`: time from a measurement until its torque acts [periods].
         - `most`: upper limit of g.
         """
         if delay > 1.0:
@@ -180,13 +184,13 @@ class Measured(AbstractEstimator):
 class FilteredDifference(AbstractEstimator):
     """`q = q'`, `q̇ = q̇_predicted + a d`, `ŵ⁺ = ŵ + g a² d/h`, with `a = 1 - e^{-c h}`.
 
-    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`, with the measured position q', its last
-    value q'₋, and the last estimate q̇₋. A complementary filter: slow changes of the velocity come from the measured
-    positions, and fast changes from the model. The filter therefore lags only behind unmodelled motion. Measured
+    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`, with the last sample's measured position
+    q'₋ and estimated velocity q̇₋. The filter is a complementary one: slow changes of the velocity come from the
+    measured positions, fast changes from the model. It therefore lags only behind unmodelled motion. Measured
     velocities are not used.
 
-    For `c h << 1` the errors decay as `λ² + c λ + g c²`: a damping of `1/(2 √g)`, critical for g = 1/4; they decay
-    for all `c h` and `0 < g <= 1`.
+    For `c h << 1` the error dynamics have the characteristic polynomial `λ² + c λ + g c²`. Its damping ratio is
+    `1/(2 √g)`, critical for g = 1/4. The errors decay for all `c h` and `0 < g <= 1`.
     """
 
     title = "The velocity from differences of positions, filtered around the model's prediction."
@@ -197,7 +201,7 @@ class FilteredDifference(AbstractEstimator):
     )
 
     def init(self, measured: State) -> State:
-        """Return the last measured position and the last estimated velocity: at the start the measured ones."""
+        """Return the memory: the last measured position and estimated velocity, at the start the measured state."""
         return measured
 
     def __call__(
@@ -226,12 +230,12 @@ class RobustDifferentiator(AbstractEstimator):
     σ0, σ1, σ2 are the errors of position, velocity and disturbance. They reach zero in finite time if the disturbance
     changes no faster than L. Measured velocities are not used.
 
-    With the measured position q', `r = q' - q_predicted`, `R = |r|/(L h³)` and the error left in the position,
-    `σ0 = L h³ y³ sgn(r)`, a step of implicit Euler is `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is
-    selected from the set-valued sign. Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`,
+    An implicit Euler step has `r = q' - q_predicted`, `R = |r|/(L h³)` and the unknown y, which gives the remaining
+    position error `σ0 = L h³ y³ sgn(r)`. y solves `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected
+    from the set-valued sign. Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`,
     `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While `R <= λ2`, y is 0, and the estimation error vanishes within three samples without
-    chattering. The factor 3/2 is 1 for the Euler step, whose velocity lags by half a period, plus 1/2 for that lag
-    (Seeber). A motion that the model predicts exactly with a constant disturbance is then estimated exactly.
+    chattering. The Euler step has the factor 1 in place of 3/2, and its velocity lags by half a period. The added 1/2
+    removes this lag (Seeber). A motion with a constant disturbance is then estimated exactly.
 
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit

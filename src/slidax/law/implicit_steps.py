@@ -1,4 +1,8 @@
-"""Implicit steps of controllers with a sliding surface."""
+"""Implicit Euler steps of controllers with a sliding surface `s = ė + A e + φ(ε1)`, the paper's eq. (40).
+
+In each period h a step computes a plan: one implicit Euler step over the horizon H, with s⁺ the sliding variable at its
+end. It uses the led error `y = e + c ė`, the error extrapolated by the lead time `c = H - h/2`.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +36,11 @@ ROUNDING = 4e-16
 
 
 class Barrier(eqx.Module):
-    """Equation `f(ε) = y + H s⁺` for the transformed error ε at the end of a plan, with `f(ε) = now ψ(ε) + H φ(ε)`.
+    """Equation `f(ε) = y + H s⁺` for the transformed error ε at the end of a plan, with `f(ε) = ρ_y ψ(ε) + H φ(ε)`.
 
     f increases from -∞ to ∞: there is exactly one ε for every led error y and every sliding variable s⁺.
 
-    - `frame`: `now`, the radius of the led envelope, and ψ.
+    - `frame`: envelope of the led error, with its radius ρ_y and its transformation ψ.
     - `surface`: φ.
     - `horizon`: H [s].
     """
@@ -46,7 +50,7 @@ class Barrier(eqx.Module):
     horizon: Scalar
 
     def value_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return `f(ε)` and its derivative, [n]."""
+        """Return `f(ε)`, [n], rad or m, and its derivative [n]."""
         psi, psi_slope = _psi_and_slope(self.frame, eps)
         phi, phi_slope = _phi_and_slope(self.surface, eps)
         now, horizon = self.frame.now, self.horizon
@@ -56,7 +60,7 @@ class Barrier(eqx.Module):
         """Return the ε with `f(ε) = target`, [n].
 
         - `target`: y + H s⁺, [n], rad or m.
-        - `guess`: ε from which the search begins [n].
+        - `guess`: ε at which the search begins [n].
         - `at_guess`: f and its derivative at the guess, [n] each.
         """
         size = jnp.abs(target)
@@ -68,13 +72,11 @@ class Barrier(eqx.Module):
 
 
 class Plan(eqx.Module):
-    """Start of a plan, with ψ, φ and f evaluated at a guess of the plan's end.
+    """A plan before its equation `f(ε) = y + H s⁺` is solved: its start, and a guess of ε.
 
-    - `barrier`: the equation of the plan.
-    - `y`: led error [n], rad or m.
-    - `v`: velocity error [n], rad/s or m/s.
-    - `s`: sliding variable [n], rad/s or m/s.
-    - `eps`: the guess, a transformed error [n].
+    - `barrier`: the equation, with f and ψ.
+    - `y`, `v`, `s`: led error, rad or m, velocity error and sliding variable, rad/s or m/s, at the start [n].
+    - `eps`: guess of ε, the transformed error at the plan's end [n].
     - `psi`, `psi_slope`: ψ at the guess and its derivative [n].
     - `value`, `slope`: f at the guess and its derivative [n].
     """
@@ -91,7 +93,7 @@ class Plan(eqx.Module):
 
     @staticmethod
     def near(barrier: Barrier, y: Vector, v: Vector, s: Vector, eps: Vector) -> Plan:
-        """Return a plan, with ψ, φ and f evaluated at the guess `eps`; arguments as in `Plan`."""
+        """Return the plan with ψ and f evaluated at the guess `eps`; arguments as in `Plan`."""
         frame, horizon = barrier.frame, barrier.horizon
         psi, psi_slope = _psi_and_slope(frame, eps)
         phi, phi_slope = _phi_and_slope(barrier.surface, eps)
@@ -99,18 +101,16 @@ class Plan(eqx.Module):
         return Plan(barrier, y, v, s, eps, psi, psi_slope, value, slope)
 
     def holding_acceleration(self) -> Vector:
-        """Return the acceleration, relative to the reference's, that keeps s constant, [n], rad/s² or m/s².
+        """Return the acceleration minus the reference's that keeps s constant, [n], rad/s² or m/s².
 
-        It is computed by one Newton step from the guess.
+        It is approximate: one Newton step from the guess solves the plan's equation with s⁺ = s.
         """
         horizon = self.barrier.horizon
         psi = self.psi + self.psi_slope * (self.y + horizon * self.s - self.value) / self.slope
         return ((self.barrier.frame.ahead * psi - self.y) / horizon - self.v) / horizon
 
     def towards(self, s_next: Vector) -> tuple[Vector, Vector]:
-        """Return the transformed error at the plan's end [n], and the plan's acceleration [n], rad/s² or m/s².
-
-        The acceleration is relative to the reference's.
+        """Return ε at the plan's end [n], and the planned acceleration minus the reference's [n], rad/s² or m/s².
 
         - `s_next`: the sliding variable s⁺ at the plan's end [n], rad/s or m/s.
         """
@@ -136,13 +136,13 @@ def _value_and_slope(barrier: Barrier, eps: Vector) -> tuple[Vector, Vector]:
 
 
 class SurfaceMemory(eqx.Module):
-    """Memory of a step with a surface.
+    """Memory of a step with a surface, between two samples.
 
-    - `sides`: memory of the transformation.
-    - `s`: planned sliding variable at the next sample [n].
+    - `sides`: memory of the error transformation, such as the sides of the envelope.
+    - `s`: planned sliding variable at the next sample [n], rad/s or m/s.
     - `eps`: guess of the transformed error at the end of the next plan [n].
     - `last_eps`: transformed error at the end of the last plan [n].
-    - `reset`: envelopes that replace the prescribed ones; None without a recovery.
+    - `reset`: envelopes of a `Recovery`, which replace the prescribed ones; None without a recovery.
     - `reaching`: memory of the reaching law.
     """
 
@@ -155,11 +155,11 @@ class SurfaceMemory(eqx.Module):
 
 
 class ReachingStep(eqx.Module):
-    """One implicit step of a reaching law.
+    """Result of a reaching law's implicit step.
 
     - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
     - `memory`: memory of the reaching law, for the next sample.
-    - `cover`: largest disturbance torque that the law compensates, as a norm, N m; None without a bound.
+    - `cover`: largest norm of the disturbance torque that the law compensates, N m; None without a bound.
     - `signals`: inner quantities by name.
     """
 
@@ -170,9 +170,9 @@ class ReachingStep(eqx.Module):
 
 
 class AbstractSurfaceStep(AbstractStep):
-    """The law with the surface `s = ė + A e + φ(ε1)` as one implicit Euler step over the horizon H, in every period h.
+    """A law with a surface as one implicit Euler step over the horizon H, in every period h.
 
-    With the led error `y = e + c ė`, `c = H - h/2`, its radius `ρ_y = ρ + c ρ̇` and `ρ_a = ρ_y + H ρ̇_y`:
+    The led error y has the radius `ρ_y = ρ + c ρ̇` now, and `ρ_a = ρ_y + H ρ̇_y` one horizon later:
 
     1. s⁺ by the reaching law, implicitly;
     2. `ρ_y ψ(ε) + H φ(ε) = y + H s⁺`: one ε for each joint;
@@ -204,10 +204,10 @@ class AbstractSurfaceStep(AbstractStep):
 
     @abstractmethod
     def reach(self, moment: StepInput, plan: Plan, memory: Memory) -> ReachingStep:
-        """Return one implicit step of the reaching law: s⁺ at the horizon's end, and the law's memory.
+        """Return the reaching law's implicit step, with s⁺ at the horizon's end and the memory after this sample.
 
         - `moment`: predicted state, reference and model at the time when the torque sets in.
-        - `plan`: start of the plan over the horizon, with the sliding variable s.
+        - `plan`: the plan before its equation is solved, with the present s.
         - `memory`: from `reach_init` or the last sample.
         """
 
@@ -227,7 +227,7 @@ class AbstractSurfaceStep(AbstractStep):
         )
 
     def restarted(self, t: Scalar, memory: SurfaceMemory) -> Memory:
-        """Return the memory without the recovery's new envelopes; the sides of the prescribed envelope stay."""
+        """Return the memory without the envelopes of a recovery; the sides of the prescribed envelope stay."""
         if self.recovery is None:
             return memory
         return eqx.tree_at(lambda kept: kept.reset, memory, self.recovery.init(t, self.nominal.joints))

@@ -31,7 +31,7 @@ class Learning(eqx.Module):
 
     - `positions`: the last two measured positions, the newest first [2 n].
     - `tau`: torque of the period before the last measurement [n].
-    - `elapsed`: time since the start or the last gap, until the filter has settled [s].
+    - `elapsed`: time since the start or the last lost sample [s]; it stops once the filter has settled.
     - `begun`: True after the first sample.
     - `stages`: states of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: the information matrix of inertia and friction.
@@ -51,21 +51,22 @@ class Learning(eqx.Module):
 
 
 class JointLearning(AbstractAdaptation):
-    """Recursive least squares in a band of frequencies, one for each joint: `y = (M0_ii - J0 + J) φ + f c`.
+    """Recursive least squares for each joint, with band-passed signals: `y = (M0_ii - J0 + J) φ + f c`.
 
-    φ is the joint's measured acceleration, the second difference of its position; c is `tanh(q̇/v_s)`; y is the torque
-    less the nominal bias and the torque for the other joints' accelerations, `y = τ̄ - (C0 q̇ + G0) - Σ M0_ij φ_j`. All
-    three go through the same band-pass from `low` to `high`. τ̄ is the mean torque of the two periods that the second
-    difference spans, so that both are of the same time.
+    J and f are the estimated rotor inertia and Coulomb friction, M0 and J0 the nominal inertia matrix and rotor
+    inertia. φ is the joint's acceleration, the second difference of its measured position, and `c = tanh(q̇/v_s)`. y is
+    the torque less the nominal bias and the torque for the other joints' accelerations,
+    `y = τ̄ - (C0 q̇ + G0) - Σ M0_ij φ_j`. τ̄ is the mean torque of the two periods that the second difference spans. y, φ
+    and c pass the same band-pass from `low` to `high`.
 
-    - The band contains the loop's crossover, where a wrong inertia shows before it harms. Below it, weight that the
-      model does not know looks like negative inertia, since it falls as 1/ω².
-    - Only new information displaces old information, not the passing of time: the information matrix is scaled back to
-      `window` and `coulomb_window` when it grows beyond, so that a long standstill forgets nothing.
-    - A sample counts for inertia only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ
-      would draw the inertia to zero.
-    - A sample counts only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
-      with `z = y - f c`: a torque that moves the joint is in phase with its acceleration; the weight of a payload that
+    - The band contains the loop's crossover, since an error of the inertia harms the loop there. At lower frequencies
+      unmodelled weight looks like negative inertia.
+    - Old information is forgotten only when new information arrives, so that a long standstill forgets nothing: the
+      information matrix is scaled back when it exceeds `window` or `coulomb_window`.
+    - J is updated only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ would bias the
+      inertia towards zero.
+    - J is updated only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
+      with `z = y - f c`. A torque that moves the joint is in phase with its acceleration. The weight of a payload that
       is taken up or released is not.
     - With the links' inertia `L = M0_ii - J0`, J stays in `[rotor_min - 0.6 L, rotor_max + L]`, and f in
       `[0, coulomb_max]`. M̂ is therefore positive definite and bounded for all measurements.
@@ -181,16 +182,17 @@ class JointLearning(AbstractAdaptation):
     def of_arm(
         cls, mass: Any, *, rotors: Any, torque: Any, deviation: Any, period: float, **parameters: Any
     ) -> JointLearning:
-        """Return the learning for an arm, its drives and its encoders.
+        """Return the adaptation for an arm, its drives and its encoders.
 
-        Where the model has no rotor, the first guess is 0.002 kg m² for each N m of rated torque, typical of drives of
-        arms (docs/learning.md); the limits are 0.0005 and 0.1 kg m² for each N m. The upper end of the band is
-        200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed 0.2 rad/s².
+        For a joint with J0 = 0 the first guess of J is 0.002 kg m² for each N m of rated torque (docs/learning.md). The
+        limits of J are 0.0005 and 0.1 kg m² for each N m. With `rotors=None` the first guess and the lower limit are 0.
+        The upper end of the band is 200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed
+        0.2 rad/s².
 
         - `mass`: inertia matrix of the nominal arm at a working posture [n n].
         - `rotors`: J0, the model's rotor inertia, one number or [n], kg m² or kg; None for a model without rotors.
-        - `torque`: rated torque of each joint, one number or [n], N m or N; if it is inf, the torque that accelerates
-          the joint's own inertia by 25 rad/s² takes its place.
+        - `torque`: rated torque of each joint, one number or [n], N m or N. For inf, the torque that accelerates the
+          joint's own inertia by 25 rad/s² is used.
         - `deviation`: standard deviation of a measured position, one number or [n], rad or m.
         - `period`: h [s].
         - `parameters`: parameters that replace the computed ones.

@@ -1,4 +1,4 @@
-"""Linearised closed loop of one joint near its goal: one sampling period as a linear map, its stability and noise."""
+"""Linearised closed loop of one joint near zero error: one sampling period as a linear map, its stability and noise."""
 
 from __future__ import annotations
 
@@ -39,14 +39,16 @@ class LoopMaps:
 
 @dataclass(frozen=True)
 class LinearLoop:
-    """A joint with `q̈ = κ a`, where the law believes `q̈ = a`: κ is an eigenvalue of `M⁻¹ M0` (docs/sampled-data.md).
+    """Linear closed loop of a joint that responds to a commanded acceleration a with `q̈ = κ a`.
 
-    Near e = 0 with s⁺ = 0 and a steep surface the plan is `q̈ = -(y/H + v)/H`, `y = e + (H - h/2) v`, at the state that
-    is predicted over the believed delay from the pending commands and the estimate. The unit of time is the period.
+    The law assumes `q̈ = a`, and κ is an eigenvalue of `M⁻¹ M0`, nominal over true inertia (docs/sampled-data.md). Near
+    e = 0 a law with a steep sliding surface plans `a = -(y/H + v)/H` with the led error `y = e + (H - h/2) v`. e and v
+    are the errors of position and velocity, predicted over the delay from the estimate and the pending commands. The
+    unit of time is the period.
 
     - `h`: the period [s]; `horizon`: H in periods.
-    - `believed`: the delay that the law assumes [periods].
-    - `gains`: gains of the Kalman filter (L1, L2 h, L3 h²), or of `Measured` (g, b, ahead).
+    - `believed`: the delay that the law assumes, from a measurement until its torque acts [periods].
+    - `gains`: gains of the estimator: (L1, L2 h, L3 h²) of `Kalman`, or (g, b, ahead) of `Measured`.
     - `measures_velocity`: True if the estimator is `Measured`.
     - `follows`: gain `1 - e^{-c h}` of the low-pass of a differenced velocity; None for a velocity sensor.
     """
@@ -60,7 +62,7 @@ class LinearLoop:
 
     @classmethod
     def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
-        """Return the loop of one joint; None for a law without a plan, or an estimator that is not linear.
+        """Return the loop of one joint; None for a law without a horizon, or an estimator that is not linear.
 
         A `StrongTracking` filter, whose bandwidth grows with large innovations, counts with its least bandwidth.
 
@@ -133,12 +135,12 @@ class LinearLoop:
         return ends[0], ends[1]
 
     def noise(self, variance: float, kappa: float = 1.0) -> tuple[float, float]:
-        """Return two standard deviations; both are inf if the loop is unstable.
+        """Return the standard deviations of position and command that white position noise causes.
 
-        The first is that of the position [rad or m], the second that of the commanded acceleration's change from sample
-        to sample [rad/s² or m/s²].
+        The first is that of the position [rad or m]. The second is that of the commanded acceleration's change from
+        sample to sample [rad/s² or m/s²]. Both are inf if the loop is unstable.
 
-        - `variance`: variance of a measured position, white [rad² or m²].
+        - `variance`: variance of a measured position [rad² or m²].
         - `kappa`: κ, nominal over true inertia.
         """
         from scipy.linalg import solve_discrete_lyapunov
@@ -156,7 +158,7 @@ class LinearLoop:
         return math.sqrt(max(covariance[0, 0], 0.0)), math.sqrt(max(spread, 0.0)) / self.h**2
 
     def maps(self, kappa: float = 1.0, delay: float | None = None) -> LoopMaps:
-        """Return the linear map of one period of the loop, with its inputs and outputs.
+        """Return the state-space matrices of the loop over one period.
 
         - `kappa`: κ, nominal over true inertia.
         - `delay`: the true delay [periods]; None for the believed one.

@@ -1,4 +1,4 @@
-"""A Kalman filter with fixed gains for each joint."""
+"""Steady-state Kalman filters of each joint, from measured positions, and one whose bandwidth grows."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ Three = Float[Array, "3 3"]
 
 
 def steady_gains(density: Any, variance: Any, period: Any) -> Float[Array, "..."]:
-    """Return the gains L1, L2 [1/s], L3 [1/s²] of a steady-state Kalman filter, [3] or [3 n], for positions alone.
+    """Return the gains L1, L2 [1/s], L3 [1/s²] of a steady-state Kalman filter, [3] or [3 n].
 
-    The model is `q⃛ = w` with white noise w, and one measured position a period. L1, L2 h and L3 h² depend on
-    `density h⁵/variance` alone.
+    The model is `q⃛ = w` with white noise w. The measurement is one position in each period h. L1, L2 h and L3 h²
+    depend on `density h⁵/variance` alone.
 
     - `density`: spectral density of w, one number or [n], (rad/s³)² s or (m/s³)² s, > 0.
     - `variance`: variance of the measured position, one number or [n], rad² or m², > 0.
@@ -119,8 +119,8 @@ error of the inertia (docs/learning.md)."""
 class Kalman(AbstractEstimator):
     """`q = q_predicted + L1 r`, `q̇ = q̇_predicted + L2 r`, `ŵ⁺ = ŵ + L3 r`, with `r = q' - q_predicted`.
 
-    q' is the measured position, ŵ the estimated disturbance. Measured velocities are not used. After a gap that is
-    longer than the filter's memory, 2/L2, it begins anew.
+    q' is the measured position, ŵ the estimated disturbance, an acceleration. Measured velocities are not used. If no
+    sample arrives for longer than 2/L2, the filter's memory, the next sample starts it anew (`reset_position`).
     """
 
     gains: Float[Array, "3 ..."] = parameter(
@@ -159,7 +159,7 @@ class Kalman(AbstractEstimator):
     def of_arm(
         cls, mass: Any, *, variance: Any, period: Any, torque_density: Any = TORQUE_DENSITY, fastest: Any = None
     ) -> Kalman:
-        """Return the steady filter for a disturbance torque with the same drift on all joints.
+        """Return the steady-state filter for a disturbance torque τ_d that drifts as a random walk.
 
         Each joint's gains follow from its own inertia. The gains can be batched and differentiated with respect to
         every argument: construct the filter inside `vmap` or `grad`.
@@ -169,8 +169,8 @@ class Kalman(AbstractEstimator):
         - `period`: time between two samples [s], > 0.
         - `torque_density`: spectral density of dτ_d/dt, one number or [n], (N m/s)² s, > 0. docs/loop-rate.md shows
           its effect.
-        - `fastest`: largest d, bandwidth times period. A joint whose filter would be faster gets the filter for
-          encoders coarse enough to keep this limit. None: no limit.
+        - `fastest`: largest d, bandwidth times period; None for no limit. For a joint whose filter would be faster,
+          `variance` is raised until its filter keeps the limit.
 
         Raises DefinitionError if an argument is out of its range.
         """
@@ -186,11 +186,11 @@ class Kalman(AbstractEstimator):
         return cls(steady_gains(density, variance, period), inertia, pace)
 
     def for_inertia(self, inertia: Vector) -> Kalman:
-        """Return the filter for joints of another inertia Î.
+        """Return the filter for joints of another inertia Î; `self` if it was constructed without an inertia I.
 
-        The density of the acceleration is the density of the torque over Î², and the pace d is proportional to the
-        sixth root of the former: d becomes `d (I/Î)^(1/3)`. The gains change in the ratio of `paced`: by `(I/Î)^(1/3)`,
-        its square and its cube for a slow filter, and hardly for a fast one.
+        The density of the acceleration is that of the torque over Î². The pace d, bandwidth times period, is
+        proportional to the density's sixth root and becomes `d (I/Î)^(1/3)`. The gains change in the ratio of `paced`:
+        for a slow filter L1, L2, L3 by `(I/Î)^(1/3)`, its square and its cube, and hardly for a fast one.
         """
         if self.inertia is None or self.pace is None:
             return self
@@ -232,11 +232,11 @@ FASTEST_GROWN = 0.3
 
 
 class TrackingMemory(eqx.Module):
-    """Memory of a filter whose bandwidth grows.
+    """Memory of `StrongTracking`, with its p and σ.
 
-    - `growth`: growth p - 1 of each joint's bandwidth [n].
-    - `trail`: sum of the innovations over σ [n], which decays like the growth.
-    - `spent`: integral of the recent growth over time [n], s.
+    - `growth`: relative growth p - 1 of each joint's bandwidth [n].
+    - `trail`: sum of the earlier innovations, which decays like the growth [n].
+    - `spent`: integral of the growth over time, which decays in 0.3 s [n], s.
     """
 
     growth: Vector
@@ -247,15 +247,15 @@ class TrackingMemory(eqx.Module):
 class StrongTracking(AbstractEstimator):
     """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
 
-    The innovation is `(q' - q_predicted)/σ`; the sum of the earlier innovations decays with T = 15 ms. x is the smaller
-    magnitude of both, or 0 if their signs differ. The pace d of each joint's filter becomes `p d`,
-    `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, and at most 0.3. A sudden disturbance is then estimated in
-    about half the time, and the noise of the undisturbed loop is as before. A single wrong measurement is no
-    disturbance: the innovations after it have the other sign.
+    A filter with the bandwidth d/h gets the bandwidth p d/h, with p d at most 0.3. The factor is
+    `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, with its last value p₋ and T = 15 ms. x compares the
+    innovation `(q' - q_predicted)/σ` with the sum of the earlier ones, which decays with T: it is the smaller magnitude
+    of both, or 0 if their signs differ. x ignores a single wrong measurement: the innovations after it have the other
+    sign. A sudden disturbance is estimated in about half the time. The noise of the undisturbed loop is unchanged.
 
-    A faster filter tolerates less overestimation of the inertia. p - 1 is therefore scaled by the weight of the learnt
-    model in use. It fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation cannot keep
-    the bandwidth high.
+    A faster filter tolerates less overestimation of the inertia. p - 1 is therefore multiplied by the weight of the
+    learnt arm model in use. It fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation
+    cannot keep the bandwidth high.
 
     Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
     bandwidth grows, since the gains are fixed.

@@ -1,4 +1,8 @@
-"""Smooth windows over samples, and recursive least squares with a packed covariance."""
+"""Recursive least squares for the parameters θ of an arm, from smooth windows over the samples.
+
+A window is a weighted sum over successive samples. It yields one equation `y = aᵀθ` for each joint. The innovation of
+an equation is `y - aᵀθ`. A covariance P is packed: it is its lower triangle, row by row.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +26,19 @@ QUARTERS = 4
 class Equations(eqx.Module):
     """One linear equation `y = aᵀθ` for each joint, from one window; θ are the parameters of the arm (`ArmParameters`).
 
-    An innovation is `y - aᵀθ`. It is loud if it is far above its usual size (`model_trust.LOUD`).
+    A window is loud for a model if a joint's innovation is far above its usual size (`model_trust.LOUD`).
 
     - `inertial`: derivative of each joint's torque by the b parameters of payload and links [n b].
     - `drives`: derivative of each joint's torque by its own k other parameters [k n].
     - `y`: torque that the nominal arm does not explain [n], N m or N.
     - `inertia`, `nominal`: derivative of M_ii by payload and link factors [b], and M_ii of the nominal arm, for the
-      joint whose deviation is computed next.
-    - `weights`: weight of each equation, noise variance over its variance [n]; 0 for one that is not used.
+      joint i = `Estimates.turn`.
+    - `weights`: weight of each equation, the usual variance of its noise over the assumed one [n]; 0 if it is not used.
     - `valid`: True for a window without lost samples.
-    - `loud`: True if the innovation of a joint is loud: by the learnt model, and by the last good model.
+    - `loud`: True if the window is loud: for the learnt model, and for the last good model.
     - `fits`: True if the loss of a share of the payload explains the window.
-    - `lost`: that share, if it explains this loud window and the one before; otherwise 0.
-    - `left`: innovation that remains after the loss of that share [n], N m or N.
+    - `lost`: the lost share, if it explains this loud window and the previous one; otherwise 0.
+    - `left`: innovation that remains with the lost share [n], N m or N.
     """
 
     inertial: Float[Array, "n b"]
@@ -67,12 +71,12 @@ class Estimates(eqx.Module):
     """Estimated parameters of the arm, in the order of `ArmParameters.of`.
 
     - `parameters`: estimate of the parameters θ [p].
-    - `covariance`: their covariance P, as its lower triangle row by row [c].
+    - `covariance`: their covariance P, packed [c].
     - `used`: parameters that the law uses, smoothed and physically consistent [p].
-    - `good`: parameters of the last good model [p].
+    - `good`: parameters of the last good model, as `model_trust` defines it [p].
     - `deviation`: standard deviation of each parameter [p].
-    - `inertia_deviation`: standard deviation of M_ii relative to itself [n].
-    - `turn`: number of the joint whose inertia deviation is computed next.
+    - `inertia_deviation`: standard deviation of each M_ii over M_ii [n].
+    - `turn`: index of the joint whose `inertia_deviation` is computed next.
     """
 
     parameters: Float[Array, " p"]
@@ -85,10 +89,10 @@ class Estimates(eqx.Module):
 
 
 class Window(eqx.Module):
-    """Smoothed motion in the middle of a window.
+    """Motion and torque in the middle of a window, smoothed by its weights.
 
     - `q`, `dq`, `ddq`: position and its two derivatives [n].
-    - `tau`: mean torque [n].
+    - `tau`: torque [n], N m or N.
     - `first`, `second`: means of `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, for the speeds `FRICTION_SPEEDS` [n].
     - `more`: means of further torque shapes (`TorqueShapes`), [n] each.
     """
@@ -103,7 +107,7 @@ class Window(eqx.Module):
 
     @classmethod
     def of(cls, sums: Float[Array, "4 k n"]) -> Window:
-        """Return the oldest of the overlapping windows; `sums`: from `window_sums`, after the window's last sample."""
+        """Return the oldest of the four windows; `sums`: from `window_sums`, after this window's last sample."""
         q, dq, ddq, tau, first, second, *more = sums[-1]
         return cls(q, dq, ddq, tau, first, second, more)
 
@@ -113,7 +117,7 @@ KINDS = 6
 
 
 def next_windows(sums: Float[Array, "4 k n"]) -> Float[Array, "4 k n"]:
-    """Return the sums without the oldest window, and with an empty new one, the youngest window first."""
+    """Return the sums without the oldest window, and with a new one of zeros in front."""
     return jnp.concatenate([jnp.zeros_like(sums[:1]), sums[:-1]])
 
 
@@ -126,17 +130,17 @@ def window_sums(
     tau: Vector,
     *shapes: Vector,
 ) -> Float[Array, "4 k n"]:
-    """Return the sums of the four overlapping windows after a sample, the youngest window first.
+    """Return the k weighted sums of the four overlapping windows after a sample, the youngest window first.
 
-    The kernel of a window of N = 4 `samples` periods is `w(s) ∝ cos⁴(π s/T)`, T = N h. Sums of q with w, -w' and w''
-    are position, velocity and acceleration in the middle of the window without a lag; those of the torque use w half a
-    period earlier, since a torque is held over the period before its sample.
+    A window has N = 4 `samples` periods and the weights `w(s) ∝ cos⁴(π s/T)`, T = N h, at the time s from its middle.
+    Sums of q with w, -w' and w'' are position, velocity and acceleration in its middle, without a lag. For the torque
+    w is taken half a period earlier, since a torque is held over the period before its sample.
 
     - `sums`: the sums before this sample.
-    - `slot`: number of this sample in its quarter, 0 .. `samples` - 1.
+    - `slot`: number of this sample in its quarter of a window, 0 .. `samples` - 1.
     - `q`: measured positions at this sample [n], rad or m.
     - `tau`: mean torque in the period before this sample [n].
-    - `shapes`: the shapes of friction and further torques at this sample, [n] each.
+    - `shapes`: torques for coefficients of 1 (`friction_shapes`, `TorqueShapes.of`) at this sample, [n] each.
     """
     size = QUARTERS * samples
     rate, scale = _scales(samples)
@@ -171,7 +175,7 @@ def _scales(samples: int) -> tuple[float, float]:
 
 
 def diagonal_covariance(variances: Float[Array, " p"]) -> Float[Array, " c"]:
-    """Return the packed covariance of independent parameters: its lower triangle, row by row [c]."""
+    """Return the packed covariance of independent parameters with these variances, [c]."""
     rows, columns, _ = places(variances.size)
     return jnp.where(rows == columns, variances[rows], 0.0)
 
@@ -195,7 +199,7 @@ def places(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def measured_once(
     parameters: Float[Array, " p"], covariance: Float[Array, " c"], row: Float[Array, " p"], y: Scalar, variance: Scalar
 ) -> tuple[Float[Array, " p"], Float[Array, " c"]]:
-    """Return estimate and packed covariance after one scalar measurement `y = aᵀθ + noise`.
+    """Return the estimate θ⁺ and its packed covariance P⁺ after one scalar measurement `y = aᵀθ + noise`.
 
     `S = aᵀP a + r²`, `θ⁺ = θ + P a (y - aᵀθ)/S`, `P⁺ = P - P a aᵀP/S`.
 
@@ -216,8 +220,7 @@ def moved_along(
 ) -> Float[Array, " p"]:
     """Return the most likely parameters whose `aᵀθ` is larger by `missing`: `θ⁺ = θ + P a missing/(aᵀP a)`.
 
-    It serves to satisfy constraints. A step in another metric, such as clipping a parameter, would contradict the
-    measurements.
+    The step satisfies a constraint with the least contradiction to the measurements. Clipping a parameter would not.
 
     - `parameters`, `covariance`: estimate θ, and its packed covariance P.
     - `row`: coefficients a.
@@ -241,10 +244,10 @@ def _image(covariance: Float[Array, " c"], row: Float[Array, " p"]) -> Float[Arr
 def with_drift(
     covariance: Float[Array, " c"], drift: Float[Array, " p"], largest: Float[Array, " p"]
 ) -> Float[Array, " c"]:
-    """Return the packed covariance with larger variances; rows and columns are scaled to keep them below a bound.
+    """Return the packed covariance [c] with larger variances.
 
-    - `drift`: increase of each variance.
-    - `largest`: bound of each variance.
+    - `drift`: increase of each variance [p].
+    - `largest`: largest variances [p]; rows and columns are scaled to keep them.
     """
     size = drift.size
     rows, columns, place = places(size)

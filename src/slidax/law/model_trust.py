@@ -1,4 +1,9 @@
-"""Which model of an arm to use: the one that is being learnt, the last good one, or each joint's own learning."""
+"""Decide which model of an arm a law uses: the learnt one, the last good one, or each joint's own learning.
+
+An innovation is the torque of a window (`least_squares`) less the torque that a model explains. A window is loud for a
+model if the innovation of a joint is above `LOUD` times its usual size, and otherwise quiet. A learnt model is good
+while it has been in full use for `PROVEN` without a loud window. The last good model is its last copy from such a time.
+"""
 
 from __future__ import annotations
 
@@ -57,17 +62,14 @@ RISE, FALL = 0.2, 0.1
 class Trust(eqx.Module):
     """Evidence for the learnt and for the last good model of the arm.
 
-    An innovation is the torque of a window less the torque that a model explains. A window is loud for a model if the
-    innovation of a joint is above `LOUD` times its usual size.
-
     - `energy`: recent means of the squared innovations of the learnt and of the last good model, and of the squared
       torque [3 n], (N m)² or N².
     - `usual`: usual squared innovation [n].
-    - `share`: α, share of the arm's model in what the law uses; 0 for the joints' own learning.
+    - `share`: α, weight of the arm's model in the model that the law uses; 1 - α is that of the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
-    - `since`: time since `relearns` changed, or since the covariance was last enlarged [s].
-    - `loud`: time with loud windows less that with quiet ones [s]; negative during `RELIEF`.
-    - `blind`: time without a valid window after a loud one, or in the use of a model that is not proven [s].
+    - `since`: time since `relearns` changed, or since a learning or a probation began anew [s].
+    - `loud`: time with loud windows less that with quiet ones [s], at least 0; negative during `RELIEF`.
+    - `blind`: time without a valid window, after a loud one or before the model is proven [s].
     - `good`: time of full use without a loud window [s].
     - `confirmed`: time for which the last good model has explained the torque [s].
     - `has_good`: True if there is a last good model.
@@ -86,7 +88,7 @@ class Trust(eqx.Module):
 
     @classmethod
     def init(cls, joints: int, variance: Scalar) -> Trust:
-        """Return the trust in a model without any window; `variance`: of a window's torque noise, (N m)² or N²."""
+        """Return the evidence before the first window; `variance`: of a window's torque noise, (N m)² or N²."""
         nothing = jnp.zeros(())
         return cls(
             energy=jnp.zeros((3, joints)),
@@ -102,25 +104,25 @@ class Trust(eqx.Module):
         )
 
     def noise(self, variance: Scalar) -> Vector:
-        """Return the noise variance to use in the least squares [n], (N m)² or N².
+        """Return the noise variance for the least squares [n], (N m)² or N².
 
         It is larger while the model is learnt or on probation, so that no single event decides a parameter.
 
-        - `variance`: of a proven model's equations.
+        - `variance`: of a window's torque noise, which is returned for a proven model.
         """
         return jnp.where(self.relearns | (self.since < PROBATION), UNSURE * self.usual, variance)
 
     def after_window(
         self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
     ) -> tuple[Trust, Bool[Array, "2"]]:
-        """Return the trust after a window, and True if the window is loud: for the learnt, and for the last good model.
+        """Return the evidence after a window, and whether it is loud for the learnt, and for the last good model [2].
 
-        A window at rest is no evidence for the last good model: it counts as loud for that one.
+        A window without motion is no evidence for the last good model: it counts as loud for that model.
 
         - `squares`: squared innovations of both models, and squared torque [3 n], (N m)² or N².
         - `heard`: True for each joint that moves in a valid window.
         - `variance`: of a window's torque noise, (N m)² or N².
-        - `duration`: from one window to the next [s].
+        - `duration`: time from one window to the next [s].
         """
         loud = jnp.any(heard & (squares[:2] > LOUD * LOUD * self.usual), axis=1)
         loud = loud | jnp.stack([jnp.zeros((), bool), ~jnp.any(heard)])
@@ -134,12 +136,12 @@ class Trust(eqx.Module):
         return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
 
     def weights(self, squares: Vector, loud: Bool[Array, ""]) -> Vector:
-        """Return the weight of each joint's equation of a window [n]: 1 for a usual one, 0 for one that is not used.
+        """Return the weights of a window's equations in the least squares [n], 0 (not used) to 1.
 
-        While the arm is learnt, loud windows count, too. After the time `PROVEN` of learning, an innovation counts less
-        the more it is above the usual one, so that a push does not replace what was learnt before it.
+        While the arm is learnt, loud windows count, too. After the time `PROVEN` of learning, an equation counts less
+        the larger its innovation is, so that an external push does not replace earlier information.
 
-        - `self`: the trust before the window.
+        - `self`: the evidence before the window.
         - `squares`: squared innovations of the learnt model [n], (N m)² or N².
         - `loud`: True if the window is loud for that model.
         """
@@ -149,12 +151,12 @@ class Trust(eqx.Module):
 
 
 class Verdict(eqx.Module):
-    """Decision about the models after a window.
+    """Decision of `judge` about the models after a window.
 
     - `restores`: True to continue with the last good model in place of the learnt one.
     - `opens`: True to enlarge the covariance, since the arm has changed.
     - `keeps`: True to take the learnt model as the last good one.
-    - `unloads`: True to take the lost share of the payload from the learnt model.
+    - `unloads`: True to subtract the lost share of the payload from the learnt model.
     """
 
     restores: Bool[Array, ""]
@@ -173,33 +175,30 @@ def judge(
     variance: Scalar,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
-    """Decide after a window which model the law uses. Return the trust after the decision, and the decision.
+    """Decide after a window which model the law uses; return the evidence after the decision, and the decision.
 
-    A window is loud if the innovation of a joint, the torque that the model does not explain, is above `LOUD` times its
-    usual size.
-
-    - A loud window updates no parameters: a push or a contact is no property of the arm, whose model stays in use. If
-      samples are lost after a loud window, since predictions fail, or with a model that is not `PROVEN`, the joints'
-      own learning takes over after `BLIND`, and the lost samples count as loud.
-    - Loud windows for `LASTING` show that the arm has changed. It is learnt anew, while the joints' own learning is in
-      use. The new model is used once it knows each inertia, and then has not failed for `PROBATION`: a push that is
-      taken for a payload ends before. The last good model returns as soon as it explains the torque again, also if
-      the new model is in use and explains it less well.
+    - Push or contact: a loud window updates no parameters, and the arm's model stays in use.
+    - Lost samples, as when predictions fail: after a loud window, or with a model that is not `PROVEN`, they count as
+      loud. The joints' own learning replaces the model after `BLIND`.
+    - Lasting change: after `LASTING` of loud windows the arm is learnt anew, with the joints' own learning in use. The
+      new model is used once it knows each inertia and then has not failed for `PROBATION`; a push ends earlier. The
+      last good model returns as soon as it explains the torque again. It also replaces a new model in use that explains
+      the torque less well.
     - A model that fails while it is learnt is learnt anew. After the time `PROVEN` of learning, this needs loud windows
-      for `LASTING`: a push ends before.
-    - Before any model was good there is none to return to. A first model that misses less than the share `EXPLAINS` of
-      the torque's energy stays in use instead of being learnt anew, and for `RELIEF` all windows update it.
-    - A loud window that a lost payload explains changes the model at once. The model stays in use, the innovation that
-      the loss leaves counts as usual, and for `RELIEF` all windows update it.
+      for `LASTING`.
+    - Without a good model: a first model that misses less than the share `EXPLAINS` of the torque's energy stays in
+      use instead of being learnt anew. For `RELIEF` all windows update it.
+    - Lost payload: if it explains a loud window, the model changes at once and stays in use. The innovation that
+      remains counts as usual, and for `RELIEF` all windows update the model.
 
-    - `trust`: trust before the decision, from `Trust.after_window`.
+    - `trust`: evidence before the decision, from `Trust.after_window`.
     - `certain`: True if the model knows each joint's inertia.
     - `valid`: True for a window without lost samples.
-    - `loud`: True if it is loud for the learnt, and for the last good model.
+    - `loud`: True if the window is loud: for the learnt, and for the last good model.
     - `lost`: share of the payload whose loss explains a loud window; 0 for none.
-    - `left`: innovation after that loss [n], N m or N.
+    - `left`: innovation that remains with this loss [n], N m or N.
     - `variance`: of a window's torque noise, (N m)² or N².
-    - `duration`: from one window to the next [s].
+    - `duration`: time from one window to the next [s].
     """
     learnt, good, torque = trust.energy
     loud, loud_by_good = loud
@@ -257,9 +256,9 @@ def judge(
 def lost_payload(
     missed: Vector, carried: Vector, heard: Bool[Array, " n"], noise: Scalar
 ) -> tuple[Bool[Array, ""], Scalar, Vector]:
-    """Return True if the loss of a share of the payload explains a window, the share, and the innovation after it [n].
+    """Return True if a lost share of the payload explains a window, this share, and the remaining innovation [n].
 
-    - `missed`: torque that the model with the whole payload does not explain [n], N m or N.
+    - `missed`: innovation of the model with the whole payload [n], N m or N.
     - `carried`: torque of the whole payload [n], N m or N.
     - `heard`: True for each joint that moves in a valid window [n].
     - `noise`: variance of a window's torque noise, (N m)² or N².

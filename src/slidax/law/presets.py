@@ -1,4 +1,4 @@
-"""Named schemes: controllers with their components and parameter values."""
+"""Named schemes: controllers with their parts, such as surface and reaching law, and parameter values."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Preset:
 
         law = cftsmppc(nominal, performance=FixedTime(1.0, 0.01, 2.0, 3.0), overshoot=0.2, bound=bound, k1=0.3)
 
-    A keyword argument is a part or a parameter of the law, a mapping of parameters for one of its parts, or a parameter
-    that only one of its parts has: `k1=0.3` is `surface={"k1": 0.3}` if no other part has a k1. A part of another
-    class replaces the preset's.
+    A keyword argument is a parameter or a part of the law, such as its surface, or a mapping of parameters for a part.
+    The name of the part may be left out if no other part has such a parameter: `k1=0.3` is then `surface={"k1": 0.3}`.
+    A part of another class replaces the preset's.
 
     - `law`: the class of the controller.
     - `title`: one line, then a longer description.
     - `source`: source of the values.
-    - `values`: parts, as `PresetPart`, and parameter values, by field of the law.
+    - `values`: parameter values, and parts as `PresetPart`, by the law's field names.
     """
 
     def __init__(self, law: type[AbstractController], title: str, *, source: str = "", **values: Any) -> None:
@@ -89,9 +89,9 @@ class Preset:
         return _build(self.law, {"nominal": nominal, **parts})
 
     def placed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with each parameter of a part moved under the name of the part.
+        """Return the values by field of the law: `{"k1": 0.3}` becomes `{"surface": {"k1": 0.3}}`.
 
-        - `values`: values by field of the law, or by parameter of just one of its parts.
+        - `values`: values by field of the law, or by a parameter that only one of its parts has.
 
         Raises DefinitionError for a name that no part has, or that several parts have.
         """
@@ -119,7 +119,7 @@ class Preset:
 
     @property
     def complete(self) -> bool:
-        """True if the preset has every required part and parameter of its law, apart from parameters of the parts."""
+        """True if the preset has every required field of its law; parameters of the parts may be missing."""
         return all(parameter.name in self.values for parameter in self._own() if parameter.required)
 
     def owners(self, name: str) -> list[str]:

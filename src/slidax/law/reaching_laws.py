@@ -1,4 +1,9 @@
-"""Reaching laws: the torque that drives the sliding variable to zero."""
+"""Reaching laws: the torque that drives the sliding variable s to zero.
+
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w; numbers such as [24] are its references. Powers
+keep the sign: `sig^a(x) = |x|^a sgn(x)`, and `Sig^a` for each entry of a vector. In an implicit step over the horizon H
+s⁺ is the sliding variable at its end, and M0 the nominal inertia matrix.
+"""
 
 from __future__ import annotations
 
@@ -20,27 +25,28 @@ from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class AbstractReaching(AbstractPart):
-    """The torque that drives s to zero: a continuous term, and a switching term whose size is the robust torque u."""
+    """The torque `-P(s) - u N(s)` that drives the sliding variable s to zero.
+
+    P is the continuous term. N is the direction of the switching term, whose size u is the robust torque.
+    """
 
     @abstractmethod
     def continuous_term(self, s: Vector) -> Vector:
-        """Return the continuous term P(s), with the signs of s, [n], N m or N; 0 at s = 0. The torque is `-P(s)`.
+        """Return the continuous term P(s), with the signs of s and 0 at s = 0, [n], N m or N.
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
     def switching_direction(self, s: Vector) -> Vector:
-        """Return the switching direction N(s) along s, of length 1 or less, [n]; 0 at s = 0. The torque is `-u N(s)`.
+        """Return the switching direction N(s), of length 1 or less and 0 at s = 0, [n].
 
         - `s`: sliding variable [n], rad/s or m/s.
         """
 
     @abstractmethod
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """Return s⁺ [n] of an implicit Euler step, `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`.
-
-        P is the continuous term, N the switching direction.
+        """Return the s⁺ after an implicit Euler step over H, `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, [n], rad/s or m/s.
 
         - `metric`: A = M0/H, symmetric positive definite [n n].
         - `s`: sliding variable [n], rad/s or m/s.
@@ -48,7 +54,7 @@ class AbstractReaching(AbstractPart):
         """
 
     def require_implicit(self) -> None:
-        """Raise DefinitionError if the implicit step does not exist for these values; by default it does."""
+        """Raise DefinitionError if `implicit` has no solution for these parameters; by default do nothing."""
 
 
 STEPS = 64
@@ -61,20 +67,22 @@ TINY = 1e-150
 
 @runtime_checkable
 class Reaching(Protocol):
-    """Reaching law for `proximal_step`: its continuous term acts on each joint alone, and it has a boundary layer."""
+    """Reaching law for `proximal_step`: P acts on each joint alone, and `layer` is the boundary layer s0."""
 
     layer: Scalar
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """Return the continuous term [n], N m or N, and its derivative by s [n].
+        """Return the continuous term P(s) [n], N m or N, and its derivative with respect to s [n].
 
         - `s`: sliding variable [n].
         """
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """Return s after a Newton step in coordinates in which the continuous term is nearly linear, [n].
+        """Return s after a Newton step, [n], rad/s or m/s.
 
-        - `s`: sliding variable [n].
+        The step may be taken in other coordinates, in which P is nearly linear, so that Newton's method converges fast.
+
+        - `s`: sliding variable before the step [n].
         - `step`: Newton step of s [n].
         """
 
@@ -89,16 +97,17 @@ class _ProximalSearch(eqx.Module):
 
 
 def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-    """Return the s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`; for s0 = 0 N(0) is the unit ball.
+    """Return the s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`, [n], rad/s or m/s.
 
-    The right-hand side is minus a monotone map, and A is positive definite: there is exactly one such s⁺. With s0 = 0
-    it is exactly zero where `‖A s‖ <= u`. Otherwise Newton's method finds it, beginning at the root without P. A step
-    that does not halve the residual r is repeated with the chords of P as slopes, and then shortened until the residual
-    decreases. The residual never grows. The distance to s⁺ is at most ‖r‖ over A's least eigenvalue, as the right-hand
-    side is monotone. The derivative is that of the solution, by the implicit function theorem.
+    For s0 = 0, N(0) is the set of all vectors of length 1 or less. P and N are monotone and A is positive definite, so
+    that there is exactly one s⁺. With s0 = 0 it is zero where `‖A s‖ <= u`.
+
+    Otherwise Newton's method starts from the root of an approximate equation without P. A step that does not halve the
+    residual r is repeated with the chords of P as slopes, and then shortened until r decreases. r never grows. The
+    distance to s⁺ is at most ‖r‖ over A's least eigenvalue. Derivatives follow from the implicit function theorem.
     Source: Acary, Brogliato and Orlov, IEEE Transactions on Automatic Control 57 (2012), 1087-1101.
 
-    - `reaching`: P and s0.
+    - `reaching`: reaching law, with P and s0.
     - `metric`: A = M0/H, symmetric positive definite [n n].
     - `s`: sliding variable [n], rad/s or m/s.
     - `u`: size of the robust torque, >= 0, N m.
@@ -244,7 +253,7 @@ class FixedTimeReaching(AbstractReaching):
         return self.gain * powers, self.gain * slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """`s + step`, [n]: Newton's steps need no other coordinates for a power above one."""
+        """Return `s + step`, [n]: for a power above one Newton's method needs no other coordinates."""
         return s + step
 
     def require_implicit(self) -> None:
@@ -295,13 +304,13 @@ class TwoPowerReaching(AbstractReaching):
         return unit_vector(s, self.layer)
 
     def continuous_term_and_slope(self, s: Vector) -> tuple[Vector, Vector]:
-        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; below 1e-30 the second power is a straight line."""
+        """`K1 Sig^v1(s) + K2 Sig^v2(s)` and its derivative, [n]; for `|s| < 1e-30` the second term is linear in s."""
         far, far_slope = sig_and_slope(s, self.v1)
         ratio, near_slope = self._near(s)
         return self.k1 * far + self.k2 * s * ratio, self.k1 * far_slope + self.k2 * near_slope
 
     def moved(self, s: Vector, step: Vector) -> Vector:
-        """Return s after a step along the tangent of `sig^v2`, [n], with which Newton does not jump over zero."""
+        """Return s after a Newton step in the coordinates `sig^v2(s)`, [n], which does not jump over zero."""
         ratio, slope = self._near(s)
         near = s * ratio + slope * step
         straight, _ = self._near(jnp.zeros_like(s))
@@ -324,8 +333,9 @@ PRECISION = 2e-13
 
 
 class SaturatedReaching(AbstractReaching):
-    """Torque `-K_D s - u w ∘ sat(s/φ)`; with φ = 0 the sign, set-valued at 0 in the implicit step.
+    """Torque `-K_D s - u w ∘ sat(s/φ)`, with the product ∘ of entries.
 
+    For φ = 0 sat is the sign, which is set-valued at 0 in the implicit step.
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, where `u w = K`.
     """
 
@@ -346,7 +356,7 @@ class SaturatedReaching(AbstractReaching):
         return self.weights * saturation(s, self.layer)
 
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """Return s⁺ of the implicit step, [n], by Gauss-Seidel sweeps over the joints; these converge for any SPD A."""
+        """Return s⁺ of the implicit step, [n], by Gauss-Seidel iteration, which converges for every `metric`."""
         return _step(self, metric, s, u)
 
 

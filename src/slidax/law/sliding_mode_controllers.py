@@ -1,4 +1,9 @@
-"""Sliding-mode controllers in printed form: the paper's law, Slotine and Li's, super-twisting, and terminal modes."""
+"""Sliding-mode controllers in printed form: the paper's law, Slotine and Li's, super-twisting, and terminal modes.
+
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w; numbers such as [7] are its references, and
+tables are its tables. `sig^a(x) = |x|^a sgn(x)`, and `Sig^a` for each entry of a vector. M0, C0 and G0 are the nominal
+arm's inertia matrix, Coriolis matrix and gravity torque.
+"""
 
 from __future__ import annotations
 

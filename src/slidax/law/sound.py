@@ -22,9 +22,9 @@ PACKAGE = __name__.partition(".")[0]
 
 
 def require_sound_law(controller: AbstractController) -> None:
-    """Check each law in a controller that is defined outside this package.
+    """Check the laws in a controller that users have defined outside this package.
 
-    The law must be traceable by JAX, and its command must have the required form.
+    A law must be traceable by JAX, and its command must have the required form.
 
     Raises DefinitionError with the file, the line, the rule and the remedy.
     """

@@ -19,11 +19,11 @@ from .error_transformations import EnvelopeFrame, Sides
 
 
 class StepInput(eqx.Module):
-    """Input of a step: predicted state, reference and model at the time when this sample's torque sets in.
+    """Input of a step, for the time t when this sample's torque sets in.
 
-    - `t`: that time [s].
+    - `t`: this time [s].
     - `state`: predicted positions and velocities.
-    - `reference`: desired motion, with the mean acceleration over the following period.
+    - `reference`: desired motion, with its mean acceleration over the following period.
     - `mass`: inertia matrix M0 of `robot` [n n].
     - `bias`: C0 q̇ + G0 of `robot` [n], N m or N.
     - `robot`: the arm as the law knows it, with the estimated parameters.
@@ -33,7 +33,7 @@ class StepInput(eqx.Module):
     - `planned`: True if the last sample was one period ago, and no limit changed its torque.
     - `expected`: the velocity that the last sample planned for this one [n], rad/s or m/s.
     - `disturbance`: ŵ, the acceleration that the model does not explain [n], rad/s² or m/s².
-    - `settled`: True while the law uses the learnt model with its full weight; also True without a learnt model.
+    - `settled`: True while the law uses a learnt arm model with its full weight, and for a law that learns none.
     """
 
     t: Scalar
@@ -58,8 +58,8 @@ class Decision(eqx.Module):
     - `acceleration`: acceleration of the nominal arm under this torque [n], rad/s² or m/s².
     - `memory`: memory after this sample.
     - `signals`: inner quantities by name.
-    - `cover`: largest norm of the compensated disturbance torque, N m; None: only the torque limits bound it.
-    - `limited`: memory for the case that a limit withholds torque, with stopped integrals; None: the same as `memory`.
+    - `cover`: largest norm of the disturbance torque to compensate, N m; None if only the torque limits bound it.
+    - `limited`: memory in place of `memory` if a limit withholds torque, with stopped integrals; None for `memory`.
     """
 
     tau: Vector
@@ -92,11 +92,11 @@ class AbstractStep(AbstractPart):
         """
 
     def restarted(self, t: Scalar, memory: Memory) -> Memory:
-        """Return the memory after a jump of the clock or the sensor at time t [s], without earlier states."""
+        """Return the memory for a restart at time t [s] after a jump of clock or sensor, without earlier states."""
         return memory
 
     def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:
-        """True while a recovery's new envelope is in force for a joint at time t [s]."""
+        """True while the new envelope of a `Recovery` is in force for at least one joint at time t [s]."""
         return jnp.zeros((), bool)
 
     @abstractmethod
@@ -124,8 +124,8 @@ class EnvelopeReset(eqx.Module):
 
     A new envelope is wider than the narrower side of the prescribed one by the excess X(t), which falls to 0.
 
-    - `until`: end time [s].
-    - `span`: duration [s].
+    - `until`: time at which the new envelope ends [s].
+    - `span`: its duration [s].
     - `excess`: excess at the start of the new envelope, rad or m.
     - `outside`: True if the joint was outside at the last sample.
     """
@@ -144,13 +144,13 @@ class EnvelopeReset(eqx.Module):
 
 
 class Recovery(AbstractPart):
-    """The policy `recover`: while a joint is outside, `|e| < ϑ ρ(t) + X(t)` replaces its prescribed envelope.
+    """The policy `recover`: a joint that has left its envelope gets the new one `|e| < ϑ ρ(t) + X(t)` for a while.
 
-    With `R0 = room (|e| + c |ė| + ė²/(2a))` the new envelope starts at the radius `R0/(1 - 3 c/S)`, which leaves the
-    distance to brake with the acceleration a within the torque limits; c is the lead time `H - h/2`. X is a cubic that
-    falls to 0 in the time `S = max(deadline, 12 c, sqrt(6 R0/(share a)))`; its curvature is about `share a` at most.
-    Then the prescribed envelope is in force again. X starts anew once the envelope is four times wider than a new one
-    would be.
+    ϑ ρ(t) is the narrower side of the prescribed envelope. The new envelope starts with the radius `R0/(1 - 3 c/S)`,
+    `R0 = room (|e| + c |ė| + ė²/(2a))`. It leaves the distance to brake with the acceleration a, which the torque
+    limits allow; c is the lead time `H - h/2`. X is a cubic that falls to 0 in the time
+    `S = max(deadline, 12 c, sqrt(6 R0/(share a)))`; its curvature is about `share a` at most. Then the prescribed
+    envelope is in force again. X is computed anew once the new envelope is four times wider than necessary.
 
     A single outlier does not set X: the first sample outside uses its own X, and X stays only if the next sample is
     outside, too.
@@ -171,20 +171,20 @@ class Recovery(AbstractPart):
     )
 
     def init(self, t: Scalar, joints: int) -> EnvelopeReset:
-        """Return the state without any new envelope, at the start time t [s]."""
+        """Return the memory at the start time t [s], without new envelopes."""
         zero = jnp.zeros(joints)
         return EnvelopeReset(until=zero + t, span=zero + 1.0, excess=zero, outside=jnp.zeros(joints, bool))
 
     def reset_envelope(
         self, t: Scalar, e: Vector, de: Vector, drawn: Envelope, slowness: Vector, lead_time: Scalar, now: EnvelopeReset
     ) -> tuple[EnvelopeReset, EnvelopeReset, Bool[Array, " n"]]:
-        """Return the new envelopes at this sample, those for the next sample, and True for joints that got one now [n].
+        """Return the new envelopes for this sample, those to keep, and True for joints that get one now [n].
 
         - `e`, `de`: error and its rate [n].
         - `drawn`: the prescribed envelope.
-        - `slowness`: 1/a, with the acceleration a within the torque limits [n], s²/rad or s²/m; 0 without limits.
+        - `slowness`: 1/a, with the acceleration a that the torque limits allow [n], s²/rad or s²/m; 0 without limits.
         - `lead_time`: c [s].
-        - `now`: the new envelopes before this sample.
+        - `now`: the new envelopes that the last sample kept.
         """
         inner = jnp.minimum(-drawn.lower, drawn.upper)
         speed = jnp.abs(de)
@@ -209,10 +209,10 @@ class Recovery(AbstractPart):
     def frame(
         self, t: Scalar, lead_time: Scalar, horizon: Scalar, drawn: EnvelopeFrame, now: EnvelopeReset
     ) -> EnvelopeFrame:
-        """Return the limits of the led error for a plan, with new envelopes in place of prescribed ones.
+        """Return the envelope of the led error `e + c ė`, with new envelopes in place of prescribed ones.
 
         - `lead_time`, `horizon`: c and H [s].
-        - `drawn`: the limits in the prescribed envelope.
+        - `drawn`: the prescribed envelope of the led error.
         - `now`: the new envelopes at this sample.
         """
         if drawn.sides is None:

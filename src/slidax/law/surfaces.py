@@ -1,5 +1,8 @@
 """Sliding surfaces `s = ė + A e + φ(ε1)`.
 
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w; numbers such as [24] are its references. Powers
+keep the sign: `sig^a(x) = |x|^a sgn(x)`, and `Sig^a` for each entry of a vector.
+
 Export a new surface in `law/__init__.py`, and list it in `tests/law/members.py`.
 """
 
@@ -28,7 +31,7 @@ from .error_transformations import AbstractTransformation, TransformedError
 class AbstractSurface(AbstractPart):
     """The term φ(ε1) of a sliding surface `s = B⁻¹ ε2 + φ(ε1)`, the paper's eq. (40).
 
-    ε1 is the transformed error, ε2 its rate.
+    ε1 is the transformed error, ε2 its rate, and B = ∂ε1/∂e a diagonal matrix (`TransformedError`).
     """
 
     @abstractmethod
@@ -42,7 +45,7 @@ class AbstractSurface(AbstractPart):
 
     @abstractmethod
     def reach(self, phi: Vector) -> Vector:
-        """Return a transformed error at which φ is at least `phi`, [n]; it ends the bracket of a root search.
+        """Return a transformed error at which φ is at least `phi`, [n]: an upper bound for root searches.
 
         - `phi`: >= 0, [n], rad/s or m/s.
         """
@@ -144,7 +147,10 @@ class LinearCoreFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return φ and its derivative `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n]; at |ε1| = δ the slope outside the core."""
+        """Return φ and its derivative `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n], with F̂^p that of Ŝ^p and H^q of Sig^q.
+
+        At |ε1| = δ, F̂^p has its value for |ε1| > δ.
+        """
         near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope

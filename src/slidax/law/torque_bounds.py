@@ -1,4 +1,8 @@
-"""Bounds of the uncertain torque, which a reaching law must dominate."""
+"""Bounds of the uncertain torque, which a reaching law must dominate.
+
+The uncertain torque or lumped uncertainty is the effect of model errors and disturbances. The paper is Nonlinear
+Dynamics (2022), doi 10.1007/s11071-022-07650-w.
+"""
 
 from __future__ import annotations
 

@@ -42,10 +42,10 @@ CHECKED_TIMES = 40
 
 
 def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: float) -> str:
-    """Return the message that explains why the arm has no posture beyond a point of the move.
+    """Return an error message: why the search for postures ended at a point of the move.
 
     - `task`: the arm and the prescribed coordinates of its tool.
-    - `caught`: the last point with a posture.
+    - `caught`: the last point for which a posture exists.
     - `now`: start of the move [s].
     """
     n = task.posture.size
@@ -65,7 +65,7 @@ def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: flo
 
 
 def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPath, now: float) -> None:
-    """Raise DefinitionError if a joint exceeds a position limit, with the first time and the tool's position there.
+    """Raise DefinitionError if a joint exceeds a position limit; it names the first time and the tool's position then.
 
     - `now`: start of the move [s].
     """
@@ -96,7 +96,7 @@ def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPat
 
 
 def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array, strongest: Array, now: float) -> None:
-    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit, with the necessary slow-down.
+    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit; it names the necessary duration.
 
     - `fastest`, `strongest`: velocity and acceleration limits [n].
     - `now`: start of the move [s].
@@ -174,14 +174,14 @@ MOST_MOVES = 1000
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """A joint motion that moves the tool along a path.
+    """A joint motion that moves the tool along a path, and its errors.
 
-    - `trajectory`: quintics in time, continuous to the acceleration, at rest before and after.
+    - `trajectory`: quintics in time with continuous acceleration, at rest before and after.
     - `ends`: end of each move [moves], s.
     - `position_error`, `rotation_error`: largest errors of the tool at the knots and at five times in each piece, m and
       rad.
-    - `least_motion`: least singular value of the Jacobian at all knots, m or rad per rad or m of the joints; 0 at a
-      singularity.
+    - `least_motion`: smallest singular value of the tool's Jacobian at all knots, m or rad per rad or m; 0 at a
+      singularity. It is the tool's motion in its worst direction, per unit of joint motion.
     - `worst_at`: time at which `least_motion` occurs [s].
     - `hold`: coordinates of the tool that the path prescribes: "place", "axis" or "pose".
     """
@@ -220,23 +220,24 @@ def follow(
 ) -> ToolPath:
     """Return the joint motion for a path of the tool.
 
-    At each point the posture has the tool at its target and is nearest to a preferred posture, with each joint scaled
-    by its range. This posture is a smooth function of the tool's pose, so a closed path of the tool is also a closed
-    path of the joints. The posture's derivatives at the knots are exact. Between knots quintics interpolate positions,
-    velocities and accelerations; pieces are halved until the tool's error is within the tolerance. The result is
-    deterministic.
+    A posture is the vector of joint positions. Of all postures with the tool at its target, the one nearest to a
+    preferred posture is used, with distances relative to the joints' ranges. It is a smooth function of the tool's
+    pose, so a closed path of the tool is also a closed path of the joints. Quintics interpolate the posture between
+    knots, where its derivatives are exact. Pieces are halved until the tool's error is within the tolerance. The result
+    is deterministic.
 
     - `robot`: the nominal arm.
+    - `moves`: moves of the tool, in their order.
     - `start`: posture at the start [n], rad or m.
-    - `pose`: pose at which the path starts, if it is not the tool's pose at `start`; the search for its posture begins
-      at `start`.
+    - `pose`: pose of the tool at which the path starts; its posture is searched from `start`. By default, the tool's
+      pose at `start`.
     - `hold`: prescribed coordinates of the tool: "place" (position), "axis" (also the direction of its z axis) or
       "pose".
     - `posture`: preferred posture of a redundant arm [n]; the start by default.
     - `velocity`, `acceleration`: joint limits, [n] or one number, rad/s and rad/s², or m/s and m/s². A move without
       `duration` and `speed` takes the shortest time within them.
-    - `damping`: 0 for no pose error; otherwise the tool leaves its path near a singularity, by `damping²` m or rad per
-      unit of the force that holds it there.
+    - `damping`: 0 for no tool error. Otherwise the tool deviates from its path near a singularity, by `damping²` times
+      the Lagrange multipliers of its pose (damped least squares).
     - `tolerance`: largest error of the tool between knots, in addition to that due to `damping`, m and rad.
     - `begin`: start of the first move [s].
 

@@ -1,4 +1,8 @@
-"""Joint motion for one move of the tool: quintics through postures along its curve."""
+"""Joint motion for one move of the tool: quintics through postures along its curve.
+
+A posture is the vector of joint positions q [n]. `PoseTask` computes it by an optimisation with the tool's pose as
+constraint. The Lagrange multipliers of the m constraints [m] are called forces on the tool.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,7 @@ class PathEnd(Exception):
     """Raised if the search finds no posture beyond a point of the curve.
 
     - `s`: curve parameter of the last point with a posture, in [0, 1].
-    - `z`: posture and forces on the tool (Lagrange multipliers of its pose) at this point [n + m].
+    - `z`: posture and forces on the tool at this point [n + m].
     """
 
     def __init__(self, s: float, z: Array) -> None:
@@ -35,11 +39,10 @@ class PathEnd(Exception):
 
 
 class BranchPoints(NamedTuple):
-    """Points of a branch: postures that change continuously as the tool moves along its curve.
+    """k points of a branch: postures that change continuously as the tool moves along its curve.
 
-    - `z`: for each point the joint positions, and the forces that hold the tool on the curve (Lagrange multipliers, one
-      for each of the m prescribed coordinates) [k n+m].
-    - `first`, `second`: first and second derivative of `z` by the curve parameter [k n+m].
+    - `z`: posture and forces on the tool at each point [k n+m].
+    - `first`, `second`: first and second derivatives of `z` with respect to the curve parameter [k n+m].
     """
 
     z: Array
@@ -48,9 +51,9 @@ class BranchPoints(NamedTuple):
 
 
 def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> Array:
-    """Follow postures continuously along a curve; return postures and forces at points of the curve [k n+m].
+    """Return postures and forces on the tool at points of a curve [k n+m], from a continuous path along the curve.
 
-    - `z`: posture and forces at the curve's start [n + m], as in `BranchPoints`; a solution of `PoseTask`.
+    - `z`: posture and forces at the curve's start [n + m], a solution of `PoseTask`.
     - `s`: curve parameters of the points, >= 0, not decreasing [k].
 
     Raises PathEnd if the search finds no next posture.
@@ -80,9 +83,9 @@ def continue_branch(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) ->
 
 
 def branch_derivatives(task: PoseTask, curve: AbstractCurve, z: Array, s: Array) -> BranchPoints:
-    """Return points of a branch with their exact derivatives, from implicit differentiation.
+    """Return points of a branch with their exact derivatives, by implicit differentiation.
 
-    - `z`: postures and forces at the points [k n+m].
+    - `z`: postures and forces on the tool at the points [k n+m].
     - `s`: curve parameters of the points [k].
     """
     linear = linearise_task(task, curve, z, s)
@@ -103,11 +106,11 @@ BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """Joint motion for one move.
+    """Joint motion for one move, as quintics between knots.
 
     - `law`: curve parameter as a function of time.
     - `times`: knots, from 0 on [k], s.
-    - `branch`: postures and forces on the tool at the knots, with derivatives by the curve parameter.
+    - `branch`: postures and forces on the tool at the knots, with derivatives.
     - `position_error`, `rotation_error`: largest errors of the tool, in the pieces and at the knots, m and rad.
     - `joints`: number of joints n.
     """
@@ -133,7 +136,7 @@ class JointPath:
 def joint_path(task: PoseTask, move: TimedCurve, z: Array, tolerance: float) -> JointPath:
     """Return the joint motion for one move.
 
-    - `z`: posture and forces on the tool at the start [n + m], as in `BranchPoints`.
+    - `z`: posture and forces on the tool at the start [n + m].
     - `tolerance`: largest error of the tool between knots, in addition to the error at the knots, m and rad.
 
     Raises PathEnd if the search finds no next posture, DefinitionError if the motion needs too many pieces.
@@ -200,7 +203,11 @@ def _at_knots(law: TimeLaw, times: Array, branch: BranchPoints, n: int) -> tuple
 
 
 def evaluate_pieces(coefficients: Array, x: Array) -> Array:
-    """Return the values [k m n] of polynomials [powers k n] at times `x` since the start of each piece [k m], s."""
+    """Return the values [k m n] of k pieces of polynomials at m times in each piece.
+
+    - `coefficients`: [powers k n], highest power first.
+    - `x`: times since the start of the piece [k m], s.
+    """
     value = np.zeros((*x.shape, coefficients.shape[2]))
     for power in coefficients:
         value = value * x[:, :, None] + power[:, None, :]

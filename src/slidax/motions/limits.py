@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 
 
 def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str] = ()) -> NDArray[np.float64]:
-    """Return a limit as an array with one number > 0 per joint, [n]; infinity is no limit.
+    """Return a limit as an array of one number > 0 for each joint, [n]; infinity means no limit.
 
     - `owner`, `name`: class and field, for the message.
     - `names`: joint names, if they have any.
@@ -32,7 +32,7 @@ def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str
 
 
 def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[np.float64]:
-    """Return an array with one number per joint, [n], from one number for all joints or a list.
+    """Return an array of one number for each joint, [n], from one number for all joints or a list of n.
 
     - `owner`, `name`: class and field, for the message.
 
@@ -61,7 +61,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits of a motion, each one number for all joints or one per joint; infinity is no limit.
+    """Limits of a motion. Each is one number for all joints, or one for each; infinity means no limit.
 
     - `lower`, `upper`: positions, rad or m.
     - `velocity`: rad/s or m/s.
@@ -80,7 +80,8 @@ class MotionLimits:
 
         - `source`: origin of the motion, for the message.
         - `names`: joint names, if they have any.
-        - `position_hint`, `rate_hint`: likely cause if a position, or a velocity or acceleration, exceeds its limit.
+        - `position_hint`: likely cause of a position beyond its limit, for the message.
+        - `rate_hint`: likely cause of a velocity or acceleration beyond its limit, for the message.
         """
         owner, joints = type(motion).__name__, motion.coefficients.shape[2]
         position = motion.extremes(0)

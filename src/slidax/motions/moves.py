@@ -25,7 +25,9 @@ RAMP = 1.5
 
 
 class TimeLaw(NamedTuple):
-    """Curve parameter s as a function of time, from 0 to 1: piecewise polynomials with continuous second derivative.
+    """Curve parameter s as a function of time: piecewise polynomials with continuous second derivative.
+
+    s goes from 0 at the start of the curve to 1 at its end.
 
     - `times`: knots, from 0 on [k], s.
     - `coefficients`: coefficients in powers of the time since the start of the piece, lowest first [k-1 powers].
@@ -68,7 +70,8 @@ def linear_law(duration: float) -> TimeLaw:
 def ramped_law(length: float, speed: float, acceleration: float) -> TimeLaw:
     """Return a time law of three phases: a smooth ramp up to a speed, constant speed, and an equal ramp down.
 
-    On the ramp up the speed is `v (3 z² - 2 z³)`, with z from 0 to 1. On a short curve the peak speed is below `speed`.
+    During the ramp up the speed is `v (3 z² - 2 z³)`, with the peak speed v and z from 0 to 1. v is `speed`, or less on
+    a short curve.
 
     - `length`: length of the curve, m or rad.
     - `speed`, `acceleration`: limits along the curve, m/s and m/s², or rad/s and rad/s².
@@ -91,8 +94,9 @@ Numbers = Sequence[float] | Array
 class TimedCurve(NamedTuple):
     """The curve and time law of a move from a start pose.
 
+    - `curve`: pose of the tool as a function of the curve parameter.
     - `law`: curve parameter as a function of time; its duration is 1 s if `free`.
-    - `free`: True if the joint limits are yet to determine the duration.
+    - `free`: True if the duration is still to be computed from the joint limits.
     - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad].
     - `end`: pose at the end.
     - `unit`: unit of the length.
@@ -108,10 +112,10 @@ class TimedCurve(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AbstractMove:
-    """A move from rest to rest, which begins where the previous one ended.
+    """A move of the tool from rest to rest, which begins where the previous move ended.
 
     With a `duration` the move has minimum jerk along its path. With `speed` and `acceleration` it has constant speed
-    between two smooth ramps. With neither it takes the shortest time that the joint limits allow.
+    between two smooth ramps. Without these it has minimum jerk and the shortest time that the joint limits allow.
 
     - `duration`: [s].
     - `speed`: largest speed of the tip, m/s; for a pure rotation, rad/s.
@@ -153,7 +157,7 @@ class AbstractMove:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line(AbstractMove):
-    """A straight line of the tip with an even rotation of the tool about one axis (slerp).
+    """A straight line of the tip. The tool rotates about one axis, in proportion to the path (slerp).
 
     - `to`: target of the tip in the base frame [3], m.
     - `by`: displacement of the tip in the base frame [3], m, instead of `to`.
@@ -191,7 +195,7 @@ class Line(AbstractMove):
 class Circle(AbstractMove):
     """An arc of the tip about an axis.
 
-    - `center`: a point of the axis, in the base frame [3], m.
+    - `center`: a point on the axis, in the base frame [3], m.
     - `axis`: direction [3], of any length.
     - `angle`: rad; negative for the other direction, more than 2π for several turns.
     - `tool`: "fixed" keeps the tool's orientation, "turns" rotates the tool with the arc.
@@ -218,7 +222,7 @@ class Circle(AbstractMove):
 class Screw(AbstractMove):
     """A rotation of the tool about an axis while it moves along that axis.
 
-    - `center`: a point of the axis, in the base frame [3], m; the tip by default.
+    - `center`: a point on the axis, in the base frame [3], m; the tip by default.
     - `axis`: direction [3], of any length.
     - `angle`: rad; negative for the other direction.
     - `pitch`: travel along the axis per turn, m.
@@ -333,8 +337,8 @@ class Through(AbstractMove):
     """A smooth curve through poses without stops in between, at rest at both ends.
 
     Position and quaternion are quintic splines with four continuous derivatives; the quaternion is then normalised. The
-    curve begins where the previous move ended. That pose is not a row of `poses`, unless `times` are given: then the
-    first row must be the tool's pose.
+    curve begins where the previous move ended. Do not repeat this pose in `poses`. Only with `times` the first row must
+    be this pose.
 
     - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without quaternions the tool keeps its orientation.
     - `times`: increasing time of each row [s]; the first is the start of the move.

@@ -1,4 +1,4 @@
-"""Streamed references: positions from a host at its own rate, and the filter that turns them into a smooth motion."""
+"""Streamed references: a host sends positions at its own rate, and a filter turns them into a smooth motion."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class StreamState(NamedTuple):
     - `q`: position of the reference.
     - `dq`: velocity of the reference.
     - `ddq`: acceleration of the reference.
-    - `goal`: position that the filter tracks, on a line from the previous goal to `target`.
-    - `target`: the host's newest position, within the limits.
-    - `left`: periods until `goal` reaches `target`.
+    - `goal`: position that the filter tracks; it moves at constant speed to `target`.
+    - `target`: the host's newest position, clipped to the position limits.
+    - `left`: sample periods until `goal` reaches `target`.
     """
 
     q: Vector
@@ -51,17 +51,18 @@ class StreamState(NamedTuple):
 
 
 class StreamFilter(AbstractPart):
-    """Third-order filter with limits: from streamed positions to a reference with its derivatives.
+    """Third-order filter with limits: from streamed positions to a reference q with its derivatives.
 
     The jerk is constant during a period, so that the reference is one motion with exact derivatives at and between the
-    samples. Away from the limits the jerk is `j = K3 (K2/K3 (K1/K2 (p - q) - q̇) - q̈)` for the goal p. The gains put
-    all three poles of the sampled loop at `exp(-ω h)`; with `δ = 1 - exp(-ω h)` they are
+    samples. The goal p moves to the host's newest position during the host's period. Away from the limits the jerk is
+    `j = K3 (K2/K3 (K1/K2 (p - q) - q̇) - q̈)`. The gains put all three poles of the sampled loop at `exp(-ω h)`; with
+    `δ = 1 - exp(-ω h)` they are
 
         K1 = δ³/h³,   K2 = (3 δ² - δ³)/h²,   K3 = (3 δ - 3/2 δ² + 1/3 δ³)/h
 
-    The velocity limit bounds the requested velocity `K1/K2 (p - q)`; far from the goal, a braking curve of constant
-    deceleration replaces it. The acceleration limit bounds the requested acceleration, the term from which q̈ is
-    subtracted. Then the jerk is bounded so that the inequalities
+    The limit V bounds the requested velocity `K1/K2 (p - q)`; far from the goal, a braking curve of constant
+    deceleration replaces this term. The limit A bounds the requested acceleration `K2/K3 (K1/K2 (p - q) - q̇)`. The jerk
+    is then bounded so that the inequalities
 
         |q̈| <= A,   -κ (V + q̇) <= q̈ <= κ (V - q̇),   κ = J/A,
 
@@ -132,8 +133,9 @@ class StreamFilter(AbstractPart):
     def lag(self, speed: object) -> PerJoint:
         """Return the time by which the motion lags behind a stream of constant velocity [s].
 
-        Up to the speed `B/k` the lag is `1/k = (3/δ - 1) h`, with the braking deceleration `B = A/2`. Above that speed
-        the braking curve determines it: `v/(2 B) + B/(2 k² v)`. The host's period less h is added in both cases.
+        With the gain `k = K1/K2` and the braking deceleration `B = A/2` the lag is `1/k = (3/δ - 1) h` up to the speed
+        `B/k`. Above it, the braking curve determines the lag: `v/(2 B) + B/(2 k² v)`. The host's period less h is added
+        in both cases.
 
         - `speed`: v, speed of the stream, >= 0, rad/s or m/s.
         """
@@ -210,7 +212,7 @@ def jerk_of_drives(
 
 
 class Streamed(AbstractPiecewisePolynomial):
-    """The motion that a `StreamFilter` computes from streamed positions: one cubic per law period, from rest to rest.
+    """The motion that a `StreamFilter` computes from a recorded stream: one cubic per law period, from rest to rest.
 
     Construct one by `Streamed.through`.
     """

@@ -109,7 +109,7 @@ class MotionTable:
 
 
 def columns_of(source: str, names: Sequence[str], joints: Sequence[str] | None) -> list[int]:
-    """Return the index of each joint's column in a table, in the order of the robot's joints, matched by names.
+    """Return the column index of each joint in a table, in the order of the robot's joints, by matching their names.
 
     - `source`: origin of the table, for messages.
     - `names`: column names.
@@ -190,12 +190,12 @@ class VelocityJump(NamedTuple):
 
 
 def velocity_jump(times: NDArray[np.float64], positions: NDArray[np.float64]) -> VelocityJump | None:
-    """Return the largest velocity jump, or None if there is none.
+    """Return the largest velocity jump of a table of positions, or None if there is none.
 
-    The joints are at rest before the first row and after the last one. Straight lines over time are fitted to the
-    velocities before an interval, and to those after it. There is a jump if, in the middle of the interval, the two
-    lines differ much more than a jump in acceleration and the lines' residuals explain. A table of a few waypoints has
-    no jump, since it does not define the motion between them.
+    The joints are at rest before the first row and after the last one. For each interval between two rows, straight
+    lines are fitted to the velocities before and after it. There is a jump if the two lines differ by much more in the
+    middle of the interval than their residuals and a jump in acceleration explain. A table of a few waypoints has no
+    jump, since it does not define the motion between them.
 
     - `times`: [k], s, increasing.
     - `positions`: [k n].
@@ -303,7 +303,7 @@ def require_no_jump(motion: AbstractPiecewisePolynomial, table: MotionTable) -> 
 
 
 def warn_of_slow_times(motion: AbstractPiecewisePolynomial, table: MotionTable) -> None:
-    """Warn if the time unit is unknown, and spacing and speed suggest that the times are not in seconds."""
+    """Warn if the time unit is unknown, and row spacing and speed suggest that the times are not in seconds."""
     spacing = float(np.median(np.diff(table.times)))
     fastest = float(motion.extremes(1).size.max())
     if table.unit_is_known or len(table.times) < DENSE or spacing < 0.5 or not 0.0 < fastest < SLOW:

@@ -1,4 +1,4 @@
-"""Tabulated: a motion through the rows of a table, from a CSV file, a ROS message, or arrays."""
+"""A motion through the rows of a table of joint positions, from a CSV file, a ROS message, or arrays."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Tabulated(AbstractPiecewisePolynomial):
     - a piece of the quintic spline at rest at both ends (`MinimumJerk`), if it has positions only: continuous
       acceleration. ROS takes straight lines there, whose velocity jumps at every row.
 
-    Velocities must be zero in the first and the last row. A table of positions only must not have a jump in velocity:
-    steady motion before and after a row, but no rows for the change between them. The arm is at rest before the first
-    row and after the last, so a jump is possible there too. The check for jumps is left out if `acceleration` is set;
-    then that limit applies. Otherwise the limit is 200 rad/s² (or m/s²), more than any arm reaches.
+    Velocities must be zero in the first and the last row. A table of positions only must not have a velocity jump, from
+    one row to the next, between two parts of steady motion. The standstill before the first row and after the last one
+    counts as such a part. If `acceleration` is set, this limit replaces the check for jumps. Otherwise the limit is
+    200 rad/s² (or m/s²), more than any arm reaches.
 
     Construct one by `Tabulated.from_csv`, `Tabulated.from_joint_trajectory` or `Tabulated.through`.
     """

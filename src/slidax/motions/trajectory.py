@@ -44,14 +44,13 @@ class AbstractSmoothMotion(AbstractMotion):
 
     @abstractmethod
     def derivative(self, t: Rows, order: int) -> Rows:
-        """Return the derivative of an order, one row per time in `t` [s] and one column per joint; order 0 is q_d."""
+        """Return the `order`-th time derivative of q_d at the times `t` [s], [times n]; order 0 is q_d."""
 
     @abstractmethod
     def largest_derivative(self, since: Rows, order: int) -> Rows:
-        """Return upper bounds of a derivative's absolute value, one row per time in `since`, one column per joint.
+        """Return upper bounds of the absolute value of a derivative of q_d, [times n].
 
-        A row's bound holds at this time and at all later times.
-
+        - `since`: times [s]; a row's bound holds at its time and at all later times.
         - `order`: order of the derivative, >= 1.
         """
 
@@ -147,7 +146,7 @@ The search for roots sets its coefficient to 0.
 
 
 class Extremes(NamedTuple):
-    """Least and largest value of each joint [n], and their times [n], s."""
+    """Least and largest value of a quantity for each joint [n], and the times at which they occur [n], s."""
 
     least: NDArray[np.float64]
     largest: NDArray[np.float64]
@@ -161,9 +160,9 @@ class Extremes(NamedTuple):
 
 
 def derivative_coefficients(coefficients: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Return the coefficients of the derivative of polynomials, in the same form; at least one power remains.
+    """Return the coefficients of the `order`-th derivative of polynomials, highest power first.
 
-    - `coefficients`: highest power first, [powers pieces n].
+    - `coefficients`: highest power first, [powers pieces n]; at least one power remains.
     """
     for _ in range(order):
         degree = len(coefficients) - 1
@@ -207,9 +206,8 @@ def extremes(times: NDArray[np.float64], coefficients: NDArray[np.float64], orde
 class AbstractPiecewisePolynomial(AbstractMotion):
     """One polynomial in time per joint between two knots, and rest before the first knot and after the last.
 
-    A knot belongs to the piece that begins there, and the last knot to the standstill after it. So if the acceleration
-    jumps at a knot, the reference has the value after the jump. Subclasses ensure that position and velocity do not
-    jump.
+    If the acceleration jumps at a knot, the reference has the value after the jump. At the last knot this is the
+    standstill. Subclasses ensure that position and velocity do not jump.
     """
 
     times: Float[Array, " knots"] = parameter("knots, increasing", "s")
@@ -255,4 +253,4 @@ class AbstractPiecewisePolynomial(AbstractMotion):
 
 
 class ToolMotion(AbstractPiecewisePolynomial):
-    """A joint motion from `slidax.motions.follow`, at rest before and after; a run also records the tool's error."""
+    """A joint motion from `slidax.motions.follow`; for this type a simulation also records the tool's error."""

@@ -85,11 +85,12 @@ AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
 
 
 def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the times of the waypoints, [k], from 0 on, so that all limits hold and one is reached.
+    """Return the shortest times of the waypoints, [k], from 0 on, for which the quintic spline keeps all limits.
 
-    Stretching all times by c divides the derivative of order i by c^i, so the proportions of the times determine the
-    shortest times. Sequential quadratic programming searches the proportions, starting from the shortest time of each
-    piece alone. The search is local. If its result takes longer than its initial times, these are returned.
+    Sequential quadratic programming varies the ratios of the pieces' durations, starting from the shortest duration of
+    each piece alone. All durations are then scaled so that the tightest limit is reached exactly: a factor c divides
+    the derivative of order i by c^i. The search is local. If its result takes longer than the initial durations, these
+    are used.
 
     - `waypoints`: positions [k n]; consecutive waypoints differ.
     - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
@@ -214,8 +215,8 @@ class MinimumJerk(AbstractPiecewisePolynomial):
     ) -> MinimumJerk:
         """Return the motion through waypoints at the shortest times for which no joint exceeds a limit.
 
-        The limits hold exactly, since they are compared with the extremes of the polynomials, and one joint reaches one
-        of its limits. For two waypoints the times are the shortest; for more, a local search determines them.
+        The limits hold exactly, since they are compared with the extremes of the polynomials. One joint reaches one of
+        its limits. For more than two waypoints a local search determines the times, which may not be the shortest.
 
         - `waypoints`: positions [k n], rad or m; consecutive waypoints differ.
         - `velocity`, `acceleration`, `jerk`: limits, [n] or one number, rad/s, rad/s², rad/s³ or m/s, m/s², m/s³;
@@ -254,10 +255,9 @@ SAME_KNOT = 1e-12
 class Trapezoidal(AbstractPiecewisePolynomial):
     """Motion from waypoint to waypoint in the shortest time within velocity and acceleration limits, at rest at each.
 
-    The slowest joint's velocity is a trapezoid over time, or a triangle if it does not reach its limit; its
-    acceleration jumps between 0 and its limit. With a jerk limit the acceleration is a ramp and the velocity an
-    S-curve. The other joints take the same time: all start and arrive together, on a straight line in joint space if
-    that is not slower.
+    The slowest joint's velocity is a trapezoid over time, or a triangle if it does not reach its limit. Its
+    acceleration jumps between 0 and its limit. With a jerk limit the acceleration consists of ramps, and the velocity
+    of S-curves. All joints start and arrive together, on a straight line in joint space if that is not slower.
 
     Construct one by `Trapezoidal.through(waypoints, velocity=..., acceleration=...)`. For a motion that does not stop
     at its waypoints, use `MinimumJerk.within`.

@@ -1,4 +1,8 @@
-"""Verdicts on the paper's statements, and the values in the report's sentences."""
+"""Verdicts on the paper's statements, and the values in the report's sentences.
+
+Some printed values are nearer to runs without the disturbance that the text states. So there are two readings of the
+disturbance (`READINGS`): as stated, or off. Each boundary layer is also compared with an alternative (`Scheme.other`).
+"""
 
 from __future__ import annotations
 
@@ -36,9 +40,8 @@ class Claim:
     """A statement in the paper.
 
     - `place`, `says`: place of the statement in the paper, and its content.
-    - `evidence`: computed values in words, for each reading of the disturbance (`READINGS`) or for each matrix norm
-      that the paper may mean.
-    - `verdicts`: verdict for each of these.
+    - `evidence`: computed values in words, by reading of the disturbance or by matrix norm that the paper may mean.
+    - `verdicts`: verdicts by the same keys.
     """
 
     place: str
@@ -156,10 +159,9 @@ QUANTITIES = ("settling_time", "steady_error", "peak_torque")
 
 
 def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
-    """Return the metrics of every scheme in both examples, one item for each reading and boundary layer.
+    """Return the metrics of every scheme in both examples, an item for each reading and each boundary layer.
 
-    A reading is one of the disturbance. The boundary layers are that of the paper's table (`listed`: True) and the
-    alternative one.
+    In an item `listed` is True for the boundary layer of the paper's table, and False for the alternative one.
     """
     return [
         {
@@ -183,8 +185,11 @@ def compare_schemes(runs: Runs) -> list[dict[str, Any]]:
 def bands(runs: Runs) -> list[dict[str, Any]]:
     """Compare the settling times of Table 3 with those for every settling band, reading and boundary layer.
 
-    Return an item for each scheme of Table 3: the printed times, all computed ones (`lines`), and the computed ones
-    nearest to the printed, for bands wider than the printed steady error (`nearest`) and for all (`nearest_any`).
+    The paper does not print its settling band. Return an item for each scheme of Table 3, with
+
+    - `printed`, `lines`: the printed times, and the times for each band, reading and layer;
+    - `nearest`: the line nearest to the printed times, among bands wider than the printed steady error;
+    - `nearest_any`: the line nearest to the printed times, among all bands.
     """
     result = []
     for scheme, items in TABLE_3.items():
@@ -228,10 +233,10 @@ def bands(runs: Runs) -> list[dict[str, Any]]:
 
 
 def sensitivity(runs: Runs) -> list[dict[str, Any]]:
-    """Return the quantities of Table 3 for each scheme, each by four computations.
+    """Return the quantities of Table 3, computed in four ways, an item for each scheme and quantity.
 
-    The keys of `values` are `step` for the paper's integration step, `half` for half the step, `held` for a torque that
-    is held between samples, and `layer` for the alternative boundary layer.
+    The keys of an item's `values` are `step` for the paper's integration step, `half` for half the step, `held` for a
+    torque that is held between samples, and `layer` for the alternative boundary layer.
     """
     lines = []
     for example in EXAMPLES:
@@ -255,7 +260,10 @@ def sensitivity(runs: Runs) -> list[dict[str, Any]]:
 
 
 def settling_bounds(runs: Runs) -> list[dict[str, Any]]:
-    """Return the settling-time bound (48)-(50) of each fixed-time scheme, with its deadlines and settling times."""
+    """Return the settling-time bound (48)-(50) of each fixed-time scheme, with its deadlines.
+
+    `observed` has the computed settling times to |e| <= 0.01.
+    """
     first = runs.readings[0]
     lines = []
     for example in EXAMPLES:
@@ -272,7 +280,7 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
     """Return the torque jumps of FTSMC with a boundary layer when a joint's |e| falls below δ of eq. (78).
 
     The slope of (78) is discontinuous there. Each item has the joint, the time, and the largest and the usual step of
-    the torque. The result is None if a joint never comes that near.
+    the torque. The result is None if |e| of a joint is above δ at the end, or the run has no log.
     """
     case = Case("4.1", runs.readings[0], scheme="ftsmc").relayered
     run, delta = runs[case], 1e-2
@@ -292,7 +300,8 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
     """Return AICE (82) and steady error of a scheme in Example 4.1, for two boundary layers.
 
-    `listed` has the values for the boundary layer of the paper's table, `other` those for the alternative `layer`.
+    `listed` has the values for the boundary layer of the paper's table, and `other` those for the alternative one,
+    whose half width is `layer`.
 
     - `scheme`: key of the scheme.
     """
@@ -305,9 +314,9 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
 
 
 def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
-    """Run ANFTSMC with the printed α, and return the outcome and the values of Table 3.
+    """Run the scheme ANFTSMC with its parameter α of Table 2, and return the outcome and the values of Table 3.
 
-    The class of ANFTSMC refuses this α; the check is bypassed.
+    The class of ANFTSMC refuses this α; the check is bypassed. `used` is the α of all other runs.
     """
     case = runs.nearest("4.2", "anftsmc")
     scenario = runs.scenarios[case]

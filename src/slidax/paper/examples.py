@@ -21,10 +21,10 @@ class Scheme:
 
     - `key`, `name`: its name in scenario files, and in the paper.
     - `listed`: half width of the boundary layer in the paper's table; 0 if it lists none.
-    - `other`: alternative half width, of which the results are compared.
+    - `other`: alternative half width, whose results are compared with those of `listed`.
     - `path`: dotted path of the boundary layer's half width in scenario files.
     - `band`: settling band for the comparison of settling times, rad or m; the paper prints none.
-    - `nearest`: the reading of the disturbance whose results are nearer to the printed row.
+    - `nearest`: the reading of the disturbance (`Reading`) whose results are nearer to the printed row.
     """
 
     key: str
@@ -77,7 +77,7 @@ class Case(NamedTuple):
     """One run of the reproduction.
 
     - `example`: number of the example in the paper.
-    - `reading`: reading of the disturbance.
+    - `reading`: reading of the disturbance: `stated` as in the text, or `off`.
     - `mode`: `continuous`, or `held` for a torque that is held between samples.
     - `period`: integration step, or sampling period of a held torque [s].
     - `scheme`: key of the scheme.
@@ -133,17 +133,20 @@ class Runs:
         return [Case(example, self.readings[0], *how) for example in EXAMPLES for how in SAMPLED]
 
     def nearest(self, example: str, scheme: str) -> Case:
-        """Return the case of a scheme as printed, in the reading `Scheme.nearest` or, if that was not run, the first.
+        """Return the case of a scheme with the reading of the disturbance that is nearest to the printed values.
+
+        That is `Scheme.nearest` in Example 4.2, and `stated` in Example 4.1, which prints no values. If this reading
+        was not run, it is the first one that was.
 
         - `example`, `scheme`: number of the example, and key of the scheme.
         """
         return _nearest(example, scheme, self.readings)
 
     def compared(self, example: str, reading: Reading, layers: Sequence[str] = ()) -> dict[str, Case]:
-        """Return the cases of an example's schemes by name, the proposed scheme first.
+        """Return the cases of an example's schemes by the schemes' names, the proposed scheme first.
 
         - `example`, `reading`: number of the example, and reading of the disturbance.
-        - `layers`: keys of the schemes to take with the alternative boundary layer.
+        - `layers`: keys of the schemes that get their alternative boundary layer.
         """
         plain = [Case(example, reading, scheme=scheme) for scheme in COMPARED[example]]
         chosen = [case.relayered if case.scheme in layers else case for case in plain]
@@ -151,9 +154,10 @@ class Runs:
 
 
 def cases(readings: Sequence[Reading]) -> list[Case]:
-    """Return all cases: for each scheme the paper's step, half the step, the alternative layer, and a held torque.
+    """Return all cases of the reproduction.
 
-    The proposed scheme also has the cases of `SAMPLED`.
+    For each scheme and reading they have the paper's step, half the step, and the alternative boundary layer. Each
+    scheme also has a held torque in its nearest reading, and the proposed scheme the cases of `SAMPLED`.
 
     - `readings`: readings of the disturbance.
     """

@@ -50,7 +50,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(scenario: Scenario) -> Parts:
-    """Return the parts of the scenario's scheme.
+    """Return the CFTSMPPC law of a scenario, with its envelope, surface, reaching law and torque bound.
 
     - `scenario`: one of the examples.
 
@@ -153,8 +153,8 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
 def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
     """Return the error at which the layer of (51) balances the disturbance τ_d, for an exact model, [n], rad or m.
 
-    `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, and `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26)
-    at e = 0; the maximum over the second half of the run.
+    `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, at its maximum over the second half of the run. `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of
+    (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26) at e = 0.
 
     - `scenario`: the simulated scenario.
     - `run`: its run. The result is None if the run has no log, or ended early.
@@ -218,10 +218,10 @@ def worst_after_deadline(scenario: Scenario, run: Run) -> list[float] | None:
 
 
 def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
-    """Return the largest torque step, and AICE, of a run at half the period over those of a run, [n] each.
+    """Return two ratios, each at half the period over the full period [n]: of the largest torque step, and of AICE.
 
-    For a continuous torque the ratios are about 1/2 and 1; for a chattering torque they are not. AICE (82) is the total
-    variation of the torque.
+    AICE (82) is the total variation of the torque. For a continuous torque the ratios are about 1/2 and 1; for a
+    chattering torque they are not.
 
     - `run`: run at the full period.
     - `halved`: run at half the period.
@@ -232,10 +232,10 @@ def torque_step_ratio(run: Run, halved: Run) -> tuple[list[float], list[float]]:
 
 
 def chatter(run: Run, halved: Run) -> list[float | None]:
-    """Return AICE (82) at half the period over that at the full period, [n], for chattering joints; None for others.
+    """Return the ratio of AICE (82) at half the period to that at the full period [n]; None for joints without chatter.
 
-    AICE of a continuous torque does not depend on the period; that of a torque that jumps at every sample does. A
-    torque counts as chattering if AICE changes by more than `CLOSE`.
+    AICE, the total variation of the torque, does not depend on the period if the torque is continuous. It does if the
+    torque jumps at every sample. A joint's torque counts as chattering if AICE changes by more than the share `CLOSE`.
 
     - `run`: run at the full period.
     - `halved`: run at half the period.

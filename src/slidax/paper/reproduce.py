@@ -39,10 +39,12 @@ def counts(rows: list[Row], claims: list[Claim]) -> dict[str, dict[str, int]]:
 
 
 def select_sentences(runs: Runs, rows: list[Row], claims: list[Claim]) -> dict[str, Any]:
-    """Select the report's sentences that the verdicts support.
+    """Return the values that select sentences of the report, by name.
 
-    Return a flag for each such sentence: `settling`, `without_disturbance` and `smooth`. `runs` is the number of
-    CFTSMPPC's runs, `inside` the number of those that stay in their envelopes.
+    Three are True if the verdicts support a sentence: `settling` (settling times are reproduced without disturbance),
+    `without_disturbance` (the error limit is reproduced only without disturbance) and `smooth` (the torque is
+    continuous). `runs` is the number of CFTSMPPC's runs with the paper's step and layer, and `inside` the number of
+    those that stay in their envelopes.
 
     - `rows`, `claims`: results with their verdicts.
     """

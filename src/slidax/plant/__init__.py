@@ -1,8 +1,8 @@
 """Sensors, actuators and disturbances: everything that surrounds the arm in a simulation.
 
 A sensor turns a sample of the true state into a measurement. An actuator turns a commanded torque into the torque at
-the joint. Disturbances are torques that no controller knows; they can be added and scaled. A transmission has LuGre
-friction and elastic joints, whose states the arm's equations of motion lack.
+the joint. Disturbances are torques that no controller knows; they can be added and scaled. A transmission adds LuGre
+friction and elastic joints to an arm, with their own states.
 
 Read first: `sensors.py`, `actuators.py`, `disturbances.py`, `transmissions.py`.
 """

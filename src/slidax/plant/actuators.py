@@ -18,7 +18,7 @@ from slidax.core.types import Matrix, PerJoint, Scalar, Vector
 
 
 class TorqueLimits(AbstractPart):
-    """Limits per joint: `|τ| <= torque`, and within that `|τ - τ₋| <= rate h`.
+    """Limits of each joint's torque and torque rate: `|τ| <= torque` and `|τ - τ₋| <= rate h`.
 
     τ₋ is the torque at the last sample, h the time since then. The drive enforces the limits; a controller may know and
     use them.
@@ -44,7 +44,7 @@ class TorqueLimits(AbstractPart):
 
 
 class ActuatorMap(AbstractPart):
-    """Map from the drives' commands to joint torques, `τ = G c`: gains on the diagonal, cross-talk elsewhere."""
+    """Map from the drives' commands c to joint torques, `τ = G c`: gains on G's diagonal, cross-talk elsewhere."""
 
     matrix: Matrix = parameter("G", "N m or N per N m or N")
     inverse: Matrix = parameter("G⁻¹")
@@ -78,7 +78,7 @@ class ActuatorMap(AbstractPart):
         return matvec(self.inverse, tau)
 
     def within(self, limits: TorqueLimits) -> TorqueLimits:
-        """Return limits of the joint torques that keep all commands within `limits`, whatever the torques' signs.
+        """Return limits of joint torques: within these, no command exceeds `limits`, for any signs of the torques.
 
         Joints without a limit do not reduce the limits of others.
         """
@@ -104,7 +104,7 @@ class ActuatorMemory(eqx.Module):
 
 
 class Actuator(AbstractPart):
-    """A drive: limits a command, holds it until the next, delays it by `dead_time`, and lags, `T τ̇ + τ = command`.
+    """A drive: it limits a command, holds it for a period, delays it by `dead_time`, and lags, `T τ̇ + τ = command`.
 
     With a fractional dead time, the active command changes within the period. Between changes the lag is integrated
     exactly, by an exponential.
@@ -124,7 +124,7 @@ class Actuator(AbstractPart):
 
     @property
     def change(self) -> float:
-        """Time within a period at which the next command becomes active, as a share of the period, in [0, 1)."""
+        """Time within a period at which the next command becomes active, as a fraction of the period, in [0, 1)."""
         return self.dead_time - math.floor(self.dead_time)
 
     def init(self, tau: Vector) -> ActuatorMemory:

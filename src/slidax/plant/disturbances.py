@@ -1,4 +1,8 @@
-"""Disturbance torques: constant, step, harmonic, friction, ripple, elastic stop, their sums and multiples."""
+"""Disturbance torques: constant, step, harmonic, friction, ripple, elastic stop, their sums and multiples.
+
+Certificates evaluate a force at samples only. The chord is the straight line between the force's values at two samples.
+A chord deviation bounds the distance of the force from the chord at all times in between.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +24,11 @@ Floats: TypeAlias = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Sampled states; over each period a joint's velocity changes from one sample's value to the next.
+    """States of a motion at the beginning of each sampling period.
 
     - `period`: h [s].
     - `t`: beginning of each period [samples], s.
-    - `q`, `dq`: positions and velocities at that time [samples n].
+    - `q`, `dq`: positions and velocities at this time [samples n].
     """
 
     period: float
@@ -34,7 +38,7 @@ class Samples:
 
     @property
     def dq_change(self) -> Floats:
-        """|Δq̇|, velocity change over each period [samples n], rad/s or m/s; the last period repeats the one before."""
+        """|Δq̇|, velocity change over each period [samples n], rad/s or m/s; the last value repeats the previous one."""
         steps = np.abs(np.diff(self.dq, axis=0, append=self.dq[-1:]))
         return np.concatenate([steps[:-1], steps[-2:-1] if len(steps) > 1 else steps])
 
@@ -44,7 +48,7 @@ class Samples:
         return (np.abs(self.dq) + self.dq_change) * self.period
 
     def jumps(self, first: Any, last: Any) -> NDArray[np.bool_]:
-        """True for each period with a possible jump inside or at its end [samples].
+        """True for each period in which the force may jump, its ends included [samples].
 
         - `first`, `last`: earliest and latest time of the jump [s].
         """
@@ -74,15 +78,15 @@ class AbstractDisturbance(AbstractPart):
     def breakpoints(self) -> tuple[float, ...]:
         """Return the times at which the force begins, jumps or ends [s].
 
-        Checks at sampled times include them, so that they miss no short pulse.
+        Checks at samples also evaluate the force at these times, so that they miss no short pulse.
         """
         return ()
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Bound of the force's deviation from the chord between its values at two samples [samples n], N m or N.
+        """Bound of the force's deviation from its chord in each period [samples n], N m or N.
 
-        The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. A class
-        without its own bound has an infinite one, and no certificate covers it.
+        The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. By
+        default it is infinite; then no certificate covers the class.
 
         - `upper`: disturbance with the largest value of each parameter; `self` has the smallest.
         - `samples`: states at the samples.
@@ -90,7 +94,7 @@ class AbstractDisturbance(AbstractPart):
         return np.full(samples.q.shape, np.inf)
 
     def largest(self, upper: Any, joints: int) -> Floats:
-        """Bound of the force at any time and in any state [n], N m or N; infinite for a class without one.
+        """Bound of the absolute force at any time and in any state [n], N m or N; infinite by default.
 
         - `upper`: disturbance with the largest value of each parameter; `self` has the smallest.
         - `joints`: n.
@@ -141,7 +145,7 @@ class Sum(AbstractDisturbance):
 
 
 class Scaled(AbstractDisturbance):
-    """A disturbance times a factor; 0 switches it off, without a new compilation."""
+    """A disturbance times a factor; the factor 0 switches it off without a new compilation."""
 
     disturbance: AbstractDisturbance = piece("the scaled disturbance")
     factor: Scalar = parameter("its factor")
@@ -205,7 +209,7 @@ class Step(AbstractDisturbance):
         return tuple(time for time in (float(self.start), float(self.end)) if np.isfinite(time))
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Return |c| for each period with a possible jump inside or at its end, and zero for others."""
+        """Return |c| for each period in which the force may jump, and zero for others [samples n], N m or N."""
         jumps = samples.jumps(self.start, upper.start) | samples.jumps(self.end, upper.end)
         return jumps[:, None] * largest_magnitude(self.value, upper.value)
 
@@ -228,7 +232,7 @@ class Harmonic(AbstractDisturbance):
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min(ω² h²/8, 2)`: `h²/8` times the force's largest second derivative, at most its peak-to-peak value."""
+        """`|a| min(ω² h²/8, 2)`: from the force's second derivative or peak-to-peak value, [samples n], N m or N."""
         angle = largest_magnitude(self.frequency, upper.frequency) * samples.period
         bound: Floats = largest_magnitude(self.amplitude, upper.amplitude) * np.minimum(angle**2 / 8.0, 2.0)
         return np.broadcast_to(bound, samples.q.shape)
@@ -261,7 +265,7 @@ class Friction(AbstractDisturbance):
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`f_c min(0.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: by the curvature, slope or range of tanh.
+        """`f_c min(0.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: from the curvature, slope or range of tanh, [samples n].
 
         `max |tanh''| = 4/(3 √3)`. Viscous friction is linear in the velocity and adds nothing.
         """
@@ -296,7 +300,7 @@ class Stribeck(AbstractDisturbance):
         return -self.excess * jnp.exp(-((state.dq / self.velocity) ** 2)) * jnp.tanh(state.dq / self.smoothing)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`f_s min(c |Δq̇|²/8, |Δq̇| (1/v_s + 0.86/v_st), 2)`: by the curvature, slope or range of the force.
+        """`f_s min(c |Δq̇|²/8, |Δq̇| (1/v_s + 0.86/v_st), 2)`: from the curvature, slope or range of the force.
 
         `c = 0.77/v_s² + 1.72/(v_s v_st) + 2/v_st²`, since `|d/dx exp(-x²)| <= 0.858` and `|d²/dx² exp(-x²)| <= 2`.
         """
@@ -327,7 +331,7 @@ class Ripple(AbstractDisturbance):
         return self.amplitude * jnp.sin(self.periods * state.q + self.phase)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`|a| min((x² + N |Δq̇| h)/8, x, 2)`, `x = N (|q̇| + |Δq̇|) h`: by the curvature, slope or range of the force."""
+        """`|a| min((x² + N |Δq̇| h)/8, x, 2)`, `x = N (|q̇| + |Δq̇|) h`: from curvature, slope or range of the force."""
         periods = largest_magnitude(self.periods, upper.periods)
         x = periods * samples.travel
         curved = x * x + periods * samples.dq_change * samples.period
@@ -357,7 +361,7 @@ class ElasticStop(AbstractDisturbance):
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """Return the largest change of the force in each period with possible contact, and zero for others."""
+        """Bound of the force's change in each period with possible contact, else zero [samples n], N m or N."""
         deepest = np.maximum(0.0, samples.q + samples.travel - np.asarray(self.position))
         fastest = np.abs(samples.dq) + samples.dq_change
         damping, stiffness = (

@@ -1,4 +1,4 @@
-"""Random numbers from a seed and a sample number, identical in every engine."""
+"""Random numbers from a seed and a sample number, identical in every simulator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENCODERS, DIFFERENCED_ENCODERS, DELAYED, LOSSY = 1, 2, 3, 4
 
 
 def as_integer(value: Any) -> Array:
-    """Convert an integer, a list of integers or an array to an int array, so that a batch can vary it.
+    """Convert an integer, a list of integers or an array to a JAX array of integers, which a batch can vary.
 
     Raises DefinitionError for a number that is not an integer.
     """
@@ -29,9 +29,9 @@ def as_integer(value: Any) -> Array:
 
 
 def seed(effect: str) -> Any:
-    """Declare the seed parameter of a sensor.
+    """Return the declaration of a sensor's field `seed`.
 
-    - `effect`: the random effect in its description, such as "noise".
+    - `effect`: the random effect that the field's description names, such as "noise".
     """
     return parameter(f"a whole number; another seed gives other {effect}", default=0, converter=as_integer)
 

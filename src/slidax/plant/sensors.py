@@ -72,9 +72,9 @@ class Exact(AbstractSensor):
 def round_to_resolution(q: Vector, resolution: PerJoint) -> Vector:
     """`r round(q/r)`, the nearest multiple of the resolution, [n]; q itself for `r = 0`.
 
-    Its derivative is that of q (a straight-through estimator), since the staircase itself has a slope of 0. A gradient
-    through encoders is therefore that of the loop without rounding, along the motion with rounding. With respect to the
-    resolution it is 0.
+    Its derivative with respect to q is 1 (a straight-through estimator), since the staircase itself has a slope of 0. A
+    gradient through encoders is therefore that of the loop without rounding, along the motion with rounding. The
+    derivative with respect to the resolution is 0.
 
     - `q`: positions [n].
     - `resolution`: r, in the unit of q, one number or [n], >= 0.
@@ -157,7 +157,7 @@ class DelayedMemory(eqx.Module):
     """Memory of a `Delayed` sensor.
 
     - `start`: the state at sample 0.
-    - `q`, `dq`: the last m states [m n]; row k mod m has that of sample k.
+    - `q`, `dq`: the last m states [m n]; row k mod m is the state at sample k.
     - `inner`: the memory of the delayed sensor.
     """
 
@@ -170,7 +170,7 @@ class DelayedMemory(eqx.Module):
 class Delayed(AbstractSensor):
     """Measurement of `sensor`, delayed by `max(periods + jitter U, 0)` sampling periods.
 
-    U is uniform in [-1/2, 1/2) and drawn for each sample, which makes the sampling instants uneven. Between two samples
+    U is uniform in [-1/2, 1/2) and drawn for each sample, so that the sampling instants are uneven. Between two samples
     the state is interpolated by a cubic Hermite polynomial, with an error of order `h⁴` in the position and `h³` in the
     velocity; before sample 0 the velocity is constant.
     """
@@ -255,12 +255,11 @@ class LossyMemory(eqx.Module):
 
 
 class Lossy(AbstractSensor):
-    """Measurement of `sensor`, lost at random, for `start <= k < start + count`, and where `pattern[k mod p]` is 1.
+    """Measurement of `sensor`, of which some samples are lost.
 
-    k is the number of the sample, p the length of the pattern.
-
-    Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that arrived. The inner sensor
-    continues to measure.
+    Sample k is lost with a probability, in an outage (`start <= k < start + count`), and where `pattern[k mod p]` is 1,
+    with the length p of the pattern. Sample 0 always arrives. A lost sample is not fresh, and repeats the last one that
+    arrived. The inner sensor continues to measure.
     """
 
     sensor: AbstractSensor = piece("the inner sensor")

@@ -1,4 +1,4 @@
-"""Timing of real controller managers: update periods from public reports, and the samples that are lost."""
+"""Timing of real controller managers: update periods from public reports, and the resulting lost samples."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 
 class TimingTrace(NamedTuple):
-    """Periods between the updates of a controller, which repeat.
+    """A sequence of measured periods between a controller's updates, which repeats.
 
     - `source`: the public report with the numbers.
     - `nominal`: the configured period [s]; the mean if the report does not state it.
     - `periods`: the sequence of periods in the report [s].
-    - `every`: nominal periods from the start of one sequence to the start of the next; updates in between are on time.
-      None repeats the sequence without a pause. The reports do not state this number.
+    - `every`: nominal periods from the start of a sequence to the start of the next one; updates between two sequences
+      are on time. None repeats the sequence without a pause. The reports do not state this number.
     """
 
     source: str
@@ -24,7 +24,7 @@ class TimingTrace(NamedTuple):
     every: int | None = None
 
     def lost(self) -> np.ndarray:
-        """True for each sample that is lost, since its period passes without an update [p]; the pattern repeats.
+        """Return the pattern of lost samples, True for a nominal period without an update [p]; the pattern repeats.
 
         The sequence begins with sample 0, which is not lost.
         """

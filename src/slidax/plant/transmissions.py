@@ -35,7 +35,7 @@ class LuGre(AbstractPart):
     viscous: PerJoint = parameter("σ₂, viscous friction", "N m s/rad or N s/m", ">= 0", default=0.0)
 
     def level(self, velocity: Vector) -> Vector:
-        """Return `g(v)`, the friction of steady sliding without its viscous part [n], N m or N."""
+        """Return `g(v)`, the friction in steady sliding without its viscous part [n], N m or N."""
         return self.coulomb + (self.static - self.coulomb) * jnp.exp(-((velocity / self.stribeck_velocity) ** 2))
 
     def deflection(self, bristle: Vector, velocity: Vector, after: Vector, h: Scalar) -> Vector:
@@ -50,7 +50,7 @@ class LuGre(AbstractPart):
         return (bristle + h * after) / (1.0 + h * self.stiffness * jnp.abs(velocity) / self.level(velocity))
 
     def force(self, bristle: Vector, velocity: Vector, h: Scalar) -> tuple[Vector, Vector]:
-        """Return F0 and D of the friction in a step, `F = F0 + D (v⁺ - v)` with the velocity v⁺ at its end, [n] each.
+        """Return F0 and D of the friction `F = F0 + D (v⁺ - v)` in a step, with the velocity v⁺ at its end, [n] each.
 
         `F = σ₀ z⁺ + σ₁ (z⁺ - z)/h + σ₂ v⁺` is linear in v⁺, so that a step solves linear equations only.
 
@@ -66,8 +66,8 @@ class LuGre(AbstractPart):
 class Elasticity(AbstractPart):
     """A spring between motor and link: `J θ̈ = τ - s - F`, `M q̈ + C q̇ + G = s + τ_d`, `s = k (θ - q) + d (θ̇ - q̇)`.
 
-    s is the force of the spring, F the joint's friction. The rotor and all friction are the motor's; θ is the motor's
-    position behind the gear. The motor's angular momentum counts about its own axis only.
+    s is the force of the spring, F the joint's friction, θ the motor's position behind the gear. The rotor and all
+    friction are on the motor's side. The motor's angular momentum counts about its own axis only.
 
     Source: Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 1987.
     """
@@ -102,12 +102,12 @@ class TransmissionState(eqx.Module):
 
 
 class Load(NamedTuple):
-    """Inertia and forces that a transmission moves in a step.
+    """Inertia of the arm and the forces on it, at the start of a transmission's step.
 
     - `mass`: M(q), with the rotors [n n].
     - `rotors`: inertias of the rotors in its diagonal [n].
     - `force`: `τ_d - C q̇ - G` [n], N m or N.
-    - `friction`: the arm's own friction F as a function of a velocity [n].
+    - `friction`: function that returns the arm's own friction from a velocity, both [n].
     """
 
     mass: Matrix
@@ -117,12 +117,12 @@ class Load(NamedTuple):
 
 
 class Transmission(AbstractPart):
-    """LuGre friction and elasticity of the true joints, with states that the arm's equations of motion lack.
+    """LuGre friction and elasticity of the simulated joints, with their own states (`TransmissionState`).
 
     One step of length h is linearly implicit: `q̇⁺` solves `(M + h B) (q̇⁺ - q̇) = h f`, where f is the force on the
     joints and the diagonal B has the damping of friction and springs; then `q⁺ = q + h q̇⁺`. LuGre friction is stable
-    at any step. Springs take the positions at the step's start, so that they lose no energy to the integration;
-    `fastest_mode` bounds the step. Without friction and elasticity, the step would be `semi_implicit_euler`.
+    at any step. Springs take the positions at the step's start, so that the integration does not damp them; they limit
+    the step (`fastest_mode`). Without friction and elasticity, the step would be `semi_implicit_euler`.
     """
 
     friction: LuGre | None = piece("LuGre friction; None if there is none", default=None)
@@ -143,7 +143,7 @@ class Transmission(AbstractPart):
         return TransmissionState(None if self.friction is None else jnp.zeros_like(state.q), motor)
 
     def measured(self, state: State, own: TransmissionState) -> State:
-        """Return the state that sensors measure, the motors' or the links'.
+        """Return the state that sensors measure: that of the motors or of the links, as `Elasticity.encoder` selects.
 
         - `state`, `own`: states of the arm and of the transmission.
         """
@@ -187,9 +187,10 @@ class Transmission(AbstractPart):
         return after, TransmissionState(bristle, motor)
 
     def fastest_mode(self, mass: np.ndarray, rotors: Vector) -> float:
-        """Return the largest angular frequency ω of the springs, rad/s; 0 for rigid joints.
+        """Return the largest natural frequency ω of the elastic joints, rad/s; 0 for rigid joints.
 
-        `ω²` is the largest eigenvalue of `K ((M - R)⁻¹ + J⁻¹)`, with the rotors R in M.
+        `ω²` is the largest eigenvalue of `K ((M - R)⁻¹ + J⁻¹)`, with K, R and J the diagonal matrices of stiffness,
+        rotor inertia in M, and motor inertia.
 
         - `mass`: M(q), with the rotors [n n].
         - `rotors`: their inertias [n].

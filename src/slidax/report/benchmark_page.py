@@ -69,7 +69,10 @@ def markdown(
 
 
 def summarise_tasks(tables: Sequence[Ranking]) -> list[str]:
-    """Return a line for each task: the best scheme, and its lead's significance, adjusted by Holm over the tasks."""
+    """Return a line of text for each task, with the best scheme and the significance of its lead over the second.
+
+    Holm's method adjusts the p-values for the number of tasks.
+    """
     adjusted = holm([table.p_value for table in tables])
     return [_verdict(table, p_value) for table, p_value in zip(tables, adjusted, strict=True)]
 
@@ -157,7 +160,7 @@ def write_benchmark(results: RoundResults, out: Path, *, seconds: float, command
 
 
 def as_json(results: RoundResults, tables: list[Ranking], summaries: list[Overall]) -> dict[str, Any]:
-    """Return the contents of `results.json`: rankings of tasks, summaries of schemes, and reasons for refusals."""
+    """Return the contents of `results.json`: rankings, summaries of schemes, and schemes that cannot run on a task."""
     return {
         "version": VERSION,
         "budget": results.round.budget,

@@ -43,7 +43,7 @@ class Rival:
 
     @property
     def form(self) -> str:
-        """`sampled-data` for a law that is designed for its sample time, `printed` for one as its source prints it."""
+        """`sampled-data` for a law that is designed for its sample time, `printed` for a law as published."""
         return "sampled-data" if isinstance(self.scenario.controller, SampledData) else "printed"
 
     @property
@@ -83,7 +83,8 @@ class MetricRow:
 
     - `metric`, `joint`: the metric, and the joint's name.
     - `values`: the value of each scheme, by its name, in `unit`; None for a missing value.
-    - `best`: names of the schemes with the least value, among the runs that reached their end.
+    - `best`: names of the schemes with the least value, among the runs that reached their end; empty for a metric
+      whose larger values are better.
     """
 
     metric: Metric[Any]
@@ -97,7 +98,7 @@ def standings(rivals: Mapping[str, Rival], also: Sequence[Metric[Any]] = ()) -> 
     """Return a row for each metric and joint.
 
     - `rivals`: runs by name of the scheme, all on the same arm.
-    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
+    - `also`: additional metrics. A metric defined in a paper is listed only for scenarios from this paper.
     """
     first = next(iter(rivals.values()))
     reached = [name for name, rival in rivals.items() if rival.run.outcome.ok]
@@ -207,7 +208,7 @@ def write_comparison(
     """Write `report.html`, `figures/*.svg` and `results.json` to the folder `out`, and return the page's path.
 
     - `rivals`: runs by name of the scheme; a run without a log appears in the tables only.
-    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
+    - `also`: as in `standings`.
     - `command`: command line, for the page.
 
     Raises DefinitionError if there are no runs, or they belong to different arms.

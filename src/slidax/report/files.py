@@ -35,7 +35,7 @@ def _with_whole_paths(part: Any) -> Any:
 
 
 def parameters(scenario: Scenario) -> dict[str, str]:
-    """Return two YAML texts by title: the file of a `scenario`, and its law with the values of all parameters."""
+    """Return two YAML texts by title: the `scenario`'s description, and its law with the values of all parameters."""
     law = _values(scenario.controller)
     return {"The scenario": as_yaml(scenario.description), "The law with all its values": dump_yaml(law)}
 

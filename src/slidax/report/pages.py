@@ -54,7 +54,7 @@ def write_run_report(
     """Write `report.html` and `figures/*.svg` to the folder `out`, and return the page's path.
 
     - `scenario`, `run`: a scenario with its run; without a log the page has no figures.
-    - `also`: further metrics; those of a paper are listed only for scenarios of that paper.
+    - `also`: additional metrics. A metric defined in a paper is listed only for scenarios from this paper.
     - `command`: command line, for the page.
     - `cause`: a sentence on the likeliest cause of a failure.
     """

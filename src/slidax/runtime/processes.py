@@ -1,6 +1,6 @@
 """Processes of a real-time loop: `python -m slidax.runtime.processes law|arm DESCRIPTOR`.
 
-`DESCRIPTOR` is the file descriptor of the shared memory.
+`DESCRIPTOR` is the file descriptor of the shared memory. Ticks are the sample instants of the loop, numbered from 0.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ READY = b"ready\n"
 
 
 class ProcessContext:
-    """Access of the law's or the arm's process to the shared memory, with start time and stop flag of the loop.
+    """Shared memory of the law's or the arm's process, with the start time and the stop flag of the loop.
 
     - `memory`: the shared memory, as bytes.
     - `job`: settings of the process.
@@ -71,7 +71,7 @@ class ProcessContext:
 def run_process(sides: Mapping[str, Callable[[LoopJob, ProcessContext], SideReport]]) -> None:
     """Run the side that the first command-line argument names: read its job from stdin, and write its report to stdout.
 
-    - `sides`: function that runs each side, by the side's name; it returns the report.
+    - `sides`: for each name of a side, "law" or "arm", the function that runs it and returns its report.
     """
     job: LoopJob = pickle.load(sys.stdin.buffer)
     report = sides[sys.argv[1]](job, ProcessContext(map_shared_memory(int(sys.argv[2])), job))
@@ -84,15 +84,15 @@ BRAKES_FOR = 2.0
 
 
 def run_arm(job: LoopJob, context: ProcessContext) -> SideReport:
-    """Run the arm's loop: at each tick apply the command, measure, publish, and simulate the next tick.
+    """Run the arm's loop: at each tick apply the command, measure, publish, and simulate up to the next tick.
 
     A command that arrives after its tick is not applied: the arm holds the previous torque for another tick. If this
-    process is delayed, it simulates the ticks that have passed, since a real arm would have moved on; commands sent
-    after those ticks count as late. The arm brakes after `patience` ticks without a command, or as soon as the law
-    requests a stop, however late that command is.
+    process is delayed, it simulates the ticks that have passed, since a real arm would have moved on. Commands sent
+    after such a tick do not count as in time. The arm brakes after `patience` ticks without a command. It also brakes
+    as soon as the law requests a stop, even by a command that arrives too late.
 
-    The report's counts are `ticks`; `held`, the ticks without a command before braking; `longest`, most of them in
-    succession; `caught_up`, wake-ups that were more than a period late; and `lost`, lost measurements.
+    The report's counts are `ticks`; `held`, the ticks without a command before braking; `longest`, the largest number
+    of these in succession; `caught_up`, wake-ups that were more than a period late; and `lost`, lost measurements.
     """
     arm = ArmSide(job.plan, job.world, job.substeps)
     measurement, command, _, row = job.lengths
@@ -168,8 +168,12 @@ NAP = 20_000
 def run_law(job: LoopJob, context: ProcessContext) -> SideReport:
     """Run the law's loop: wake up, read the newest measurement, send a command, log, sleep.
 
-    The report's counts are `answered`, measurements with a command; `skipped`, measurements that a newer one replaced;
-    `rolled_back`, commands after one that the arm did not apply; and `astray`, commands from a memory that was too old.
+    The report's counts are
+
+    - `answered`: measurements to which the law sent a command;
+    - `skipped`: measurements that a newer one replaced before the law read them;
+    - `rolled_back`: commands for which the law discarded its previous command, since the arm had not applied it;
+    - `astray`: commands for which the law no longer had its memory after the last applied command (`LawSide`).
     """
     law = LawSide(job.plan, job.period)
     measurement, command, row, _ = job.lengths

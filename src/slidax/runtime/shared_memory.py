@@ -1,4 +1,7 @@
-"""Memory shared by the processes of a real-time loop: mailboxes and ring buffers; machine code with its data."""
+"""Memory shared by the processes of a real-time loop: mailboxes and ring buffers; machine code with its data.
+
+An arena is one block of memory with the inputs and outputs of machine code, and the code itself.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +52,8 @@ FRESH = 16
 class Mailbox:
     """Mailbox with the newest message from one process to another: bytes of fixed size, with a number and a checksum.
 
-    The checksum detects an incomplete message, in whatever order writes become visible to other CPU cores. `message` is
-    the buffer that `put` sends and `get` fills.
+    The checksum detects an incomplete message, since writes can become visible to other CPU cores in any order.
+    `message` is the buffer that `put` sends and `get` fills.
 
     - `memory`: shared memory of `Mailbox.size(length)` bytes.
     - `length`: length of a message [bytes], a multiple of 8.
@@ -125,7 +128,7 @@ class Ring:
     def take(self, *, last: bool = False) -> np.ndarray:
         """Return the rows written since the last call, as bytes [rows length].
 
-        Rows that the writer has overwritten, or will soon, are skipped and counted in `lost`.
+        Rows that the writer has overwritten, or will overwrite soon, are skipped and counted in `lost`.
 
         - `last`: True if the writer has ended. False leaves the `FRESH` newest rows for the next call.
         """
@@ -175,7 +178,7 @@ class MachineCode:
 
 @dataclass(frozen=True)
 class CodePlan:
-    """Description of an `Arena`, machine code with its memory, which can be sent to another process.
+    """Description of an `Arena`, which can be pickled and sent to another process.
 
     - `initial`: content of the block of memory before the first call.
     - `routines`: machine code by name.
@@ -190,7 +193,7 @@ class CodePlan:
 
 
 class Arena:
-    """A block of memory with all inputs and outputs of some machine code, and the code ready to call.
+    """A block of memory with all inputs and outputs of machine code, and its routines ready to call.
 
     The overhead of a call is less than 1 µs.
 

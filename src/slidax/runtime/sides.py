@@ -1,4 +1,7 @@
-"""The two sides of a real-time loop, control law and arm, with their settings and their clock; needs no JAX."""
+"""The two sides of a real-time loop, control law and arm, with their settings and their clock; needs no JAX.
+
+Ticks are the sample instants of the loop, numbered from 0.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ def now() -> int:
 
 
 class Sleeper:
-    """Sleeps until an absolute time, so that a delay does not shift later wake-ups."""
+    """Sleeps until absolute times, so that one late wake-up does not shift later ones."""
 
     def __init__(self) -> None:
         self._time = _Timespec()
@@ -125,8 +128,8 @@ class LoopJob:
     - `plan`: machine code and memory of the side.
     - `places`: layout of the shared memory.
     - `lengths`: lengths of a measurement, a command, a log row of the law and a log row of the arm [bytes].
-    - `period`: time between two ticks, the sample instants of the loop [s].
-    - `ticks`: number of the last tick; the first is 0.
+    - `period`: time between two ticks [s].
+    - `ticks`: number of the last tick.
     - `patience`: number of ticks without a command until the arm brakes, and without a measurement until the law ends.
     - `phase`: time from a tick to the law's wake-up [ns].
     - `priority`: real-time priority to request, 1 to 99.
@@ -165,15 +168,16 @@ class SideReport:
 
 
 class LawSide:
-    """The law's side of a loop: computes a torque command from each measurement.
+    """The law's side of a loop: it computes a torque command from each measurement.
 
     A command takes effect at a tick. If it arrives too late, the arm holds the previous torque. The law's memory (its
     internal state) then contains a command that the arm did not apply. Therefore each measurement carries the tick of
-    the last applied command, and the law continues from its memory after that command. For the law, a tick whose
-    command was late is a lost sample.
+    the last applied command, and the law continues from its memory after this command. For the law, the tick of the
+    late command is a lost sample.
 
-    - `plan`: machine code and memory of the law. The routine `motion` computes the reference at time `t`; `step_0`
-      computes a command and steps from the first of two memories to the second, `step_1` from the second to the first.
+    - `plan`: machine code and memory of the law, with two copies of the law's memory. The routine `motion` computes the
+      reference at time `t`. `step_0` computes a command and the next memory from the first copy, and writes it to the
+      second; `step_1` does so from the second to the first.
     - `period`: time between two ticks [s].
     """
 
@@ -209,7 +213,7 @@ class LawSide:
     def answer(self, k: int, applied: int) -> bool:
         """Compute the torque command `tau` from the measurement in `measured`.
 
-        Returns False if the law's memory after the last applied command is lost; it then continues from an older one.
+        Returns False if the law no longer has its memory after the last applied command, and used an older one.
 
         - `k`: the tick at which the command takes effect.
         - `applied`: the last tick whose command was applied, as reported by the arm; -1 before the first.
@@ -224,7 +228,7 @@ class LawSide:
         return applied == self._kept
 
     def repeat(self, sample: np.ndarray, k: int, basis: int) -> bool:
-        """Compute the command for a logged sample again; return False under the same condition as `answer`.
+        """Compute the command for a logged sample again; the result is as in `answer`.
 
         - `sample`: time, measurement and reference, as bytes.
         - `k`, `basis`: from the logged row: the tick of the command, and the tick of the last applied command.
@@ -242,7 +246,7 @@ class ArmSide:
     """The arm's side of a loop: an arm that is simulated tick by tick.
 
     - `plan`: machine code and memory of the arm. The routine `set` applies a torque, and `measure` measures. `move`
-      simulates to the next tick; with MuJoCo, it computes the applied joint forces of one step.
+      simulates up to the next tick; with MuJoCo, it computes the joint forces to apply in one MuJoCo step.
     - `world`: MuJoCo's model, and the indices of the joints' positions and velocities; None for slidax's own simulator.
     - `substeps`: MuJoCo steps per tick.
     """

@@ -69,7 +69,10 @@ BLOCKS: dict[str, type[AbstractDescription]] = {
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Return a line about each part, by kind and name: `catalogue()["schemes"]["pid"]`; and each scenario's title."""
+    """Return one line of text for each part and built-in scenario, by kind and name.
+
+    For example, `catalogue()["schemes"]["pid"]`. The kind "scenarios" has the titles of the scenarios.
+    """
     parts = {kind: {name: _first_line(model) for name, model in members(kind).items()} for kind in KINDS}
     return {**parts, "scenarios": {name: read_description(name).title for name in names()}}
 

@@ -70,13 +70,14 @@ def _robots() -> TypeAdapter[Any]:
 
 
 def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Return a scenario's mapping with changed values, in which each parameter of the scheme is below its part.
+    """Return a copy of a scenario's mapping with new values.
 
-    For example, `scheme.k1` moves to `scheme.surface.k1` if only the surface has a k1.
+    In the result each parameter of the scheme is in the mapping of its part. For example, `scheme.k1` moves to
+    `scheme.surface.k1` if only the surface has a k1.
 
-    - `data`: mapping of the scenario file; it is not modified.
-    - `changes`: new values by dotted path; it is not modified either. Names and kinds are set first, since other values
-      depend on them; entries of lists, such as `start.q[0]`, last. A new `kind` drops the parameters of the old kind.
+    - `data`: mapping of the scenario file.
+    - `changes`: new values by dotted path. Names and kinds are set first, since other values depend on them. Entries of
+      lists, such as `start.q[0]`, are set last. A new `kind` drops the parameters of the old kind.
     - `folder`: folder to which file names in the scenario are relative.
 
     Raises DefinitionError if a path does not exist.

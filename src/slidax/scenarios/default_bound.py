@@ -42,21 +42,23 @@ RANGE = {"rad": np.pi, "m": 0.5}
 def default_bound(
     true: AbstractRobot, nominal: AbstractRobot, load: TimedPayload | None, drives: TorqueLimits, *, sampled: bool
 ) -> dict[str, float]:
-    """Return the parameters of an `UncertaintyBound` by name, from 256 postures over the joints' ranges.
+    """Return default parameters of an `UncertaintyBound`, by name.
 
-    Equation numbers are the paper's. Let M and `h = C q̇ + G` be of the true arm, M0 and h0 of the nominal one. The
-    lumped uncertainty `(M0 M⁻¹ - I)(τ - h) - (h - h0)` has the bound `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19).
+    Equation numbers are the paper's. The true arm has the mass matrix M, the gravity torque G and `h = C q̇ + G`; M0, G0
+    and h0 are the nominal arm's. Maxima and means are over 256 postures in the joints' ranges. The lumped uncertainty
+    `(M0 M⁻¹ - I)(τ - h) - (h - h0)` has the bound `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19).
 
-    Let B be the maximum of `‖h - h0‖` at rest plus the difference of friction at 1 rad/s, but at least 20 % of the
-    weight `max‖G0‖`. `b1` is 0, since weight does not grow with ‖q‖. The margin k is 20 % of the norm of the torque
-    limits, or of the weight without limits.
+    - `B = max‖G - G0‖` plus the difference of the friction at 1 rad/s, but at least 20 % of `max‖G0‖`.
+    - `b1 = 0`, since the gravity torque does not grow with ‖q‖.
+    - `margin`, k: 20 % of the norm of the torque limits; without limits, 20 % of `max‖G0‖`.
 
-    In the printed form γ is the maximum of `|κ - 1|` over the eigenvalues κ of `M⁻¹M0`, but 0.2 to 0.5. The bounds
-    `(1 ∓ γ) mean‖M0⁻¹‖` of ‖M⁻¹‖ have this γ by (46). `b0 = γ max‖G0‖ + (1 + γ) B`, and
-    `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
+    For a law in continuous time:
+    - `γ = max|κ - 1|` over the eigenvalues κ of `M⁻¹M0`, limited to 0.2 ... 0.5.
+    - Bounds of ‖M⁻¹‖: `(1 - γ) mean‖M0⁻¹‖` and `(1 + γ) mean‖M0⁻¹‖`, which give this γ by eq. (46).
+    - `b0 = γ max‖G0‖ + (1 + γ) B`, and `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
 
-    In the sampled-data form the estimator compensates the inertia mismatch, so γ and b2 are 0. `b0 = B`, but `k + b0`
-    is at most a quarter of the norm of the torque limits.
+    For a law in sampled-data form, whose estimator compensates the inertia mismatch:
+    - `γ = b2 = 0`, and `b0 = B`, but `k + b0` is at most a quarter of the norm of the torque limits.
 
     - `true`, `nominal`: the true arm, and the arm that the law knows.
     - `load`: payload of the true arm; None for none.
@@ -99,14 +101,17 @@ def warn_of_implausible_bound(
 ) -> None:
     """Warn, with a DefinitionWarning, if an uncertainty bound is implausible for this arm.
 
-    Let u be the size of the robust torque at rest at the start. It is implausible if it exceeds the norm of the torque
-    limits, or if it is below a tenth of this norm and below a third of the default `margin + b0`. Other kinds of
-    bounds, traced values and arms without torque limits are not checked.
+    The criterion is the robust torque for an arm at rest at the start, `u = (margin + b0 + b1‖q‖)/(1 - γ)`. A bound is
+    implausible in two cases:
+    - u exceeds the norm of the torque limits.
+    - u is below a tenth of this norm, and below a third of the default `margin + b0`.
+
+    Other kinds of bounds, traced values and arms without torque limits are not checked.
 
     - `bound`: parameters of the bound, with its `kind`.
-    - `state`: the start.
+    - `state`: the state at t = 0.
     - `drives`: torque limits.
-    - `find`: returns the default parameters, as `default_bound` does.
+    - `find`: function that returns the default parameters, as `default_bound` does.
     """
     if is_traced((list(bound.values()), state, drives)):
         return

@@ -1,4 +1,8 @@
-"""Pydantic models for parts of a scenario, such as sensors and surfaces, derived from their classes' parameters."""
+"""Pydantic models for parts of a scenario, such as sensors and surfaces, derived from their classes' parameters.
+
+A family is the set of all parts with a common abstract class, such as the surfaces. A preset is a named control scheme
+with default parts and values.
+"""
 
 from __future__ import annotations
 
@@ -167,7 +171,7 @@ def description_of(part: type) -> type[PartDescription]:
 def preset_of(
     part: type, owner: str, values: Mapping[str, Any], source: str, computed: Mapping[str, str] = {}
 ) -> type[PartDescription]:
-    """Return the pydantic model for a part of a preset; its kind and the preset's parameter values are defaults.
+    """Return the pydantic model for a part of a preset, with the preset's kind and values as defaults.
 
     - `part`: class of the part.
     - `owner`: name of the preset.
@@ -231,7 +235,10 @@ def _description_as(kind: str, part: type) -> type[PartDescription]:
 
 
 def is_nameable(part: type, family: type) -> bool:
-    """True if a file can describe a part: all required parameters are numbers, choices, or parts of other families."""
+    """True if a file can describe the part.
+
+    Each required parameter must be a number, a choice, or a part of a family other than `family`.
+    """
     hints = hints_of(part)
     return all(type_of(p, hints[p.name], family) is not None for p in parameters_of(part) if p.required)
 
@@ -279,7 +286,7 @@ def type_of(parameter: Parameter, hint: Any, family: type) -> Any:
     """Return the type of a parameter's field in a description; None if a file cannot describe it.
 
     - `hint`: type of the parameter in the part.
-    - `family`: the part or its abstract class; a parameter of the same family cannot be described.
+    - `family`: the part's class or its abstract class; a file cannot describe a parameter of this family.
     """
     shape = parameter.shape
     if shape == "one number":

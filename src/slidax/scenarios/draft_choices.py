@@ -14,7 +14,7 @@ from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
 def with_tip_mass(arm: Articulated, share: float) -> Articulated:
-    """Return the arm with a payload that is heavier by a share of the moving mass, the sum of the links' masses."""
+    """Return the arm with a heavier payload: `share` times the moving mass (the sum of the links' masses) is added."""
     mass = float(arm.payload.mass) + share * float(np.sum(np.asarray(arm.masses)))
     return eqx.tree_at(lambda arm: arm.payload.mass, arm, as_array(mass))
 
@@ -65,13 +65,15 @@ class Ratings:
 def ratings_of(arm: Articulated) -> Ratings:
     """Return the ratings of an arm's joints from its description, with assumptions for missing or implausible values.
 
-    A torque limit is replaced if it is missing, if it is below half of the joint's largest gravity torque, if it
-    exceeds 30 times the required torque, or if all joints have the same limit and it exceeds 5 times the required
-    torque of one of them.
+    A torque limit is replaced by the required torque in four cases:
+    - It is missing.
+    - It is below half of the joint's largest gravity torque. If all joints have the same limit, all are replaced.
+    - It exceeds 30 times the required torque.
+    - All joints have the same limit, and it exceeds 5 times the required torque of one of them.
 
-    The required torque of a joint is 1.25 times the sum of the gravity torque in the worst of 256 postures, with 30 %
-    of the moving mass at the tip, and the torque for 5 rad/s² of its own inertia. It is at least that of the joints
-    after it, and at least 15 % of the largest.
+    The required torque of a joint is 1.25 times the sum of two torques. The first is the gravity torque in the worst of
+    256 postures, with 30 % of the moving mass at the tip. The second accelerates the joint at 5 rad/s² or m/s². The
+    required torque is at least that of later joints with the same unit, and 15 % of the largest with this unit.
     """
     limits, units = arm.limits, np.array(arm.joint_units)
     notes: list[str] = []
@@ -196,9 +198,10 @@ def tip_share(arm: Articulated, payload: float) -> float:
 def home_of(arm: Articulated, ratings: Ratings, share: float = TIP_SHARE) -> Numbers:
     """Return a home posture [n], rad or m, for a payload of a `share` of the moving mass.
 
-    It is the best of 2000 postures spread around 0, or around the middle of the ranges. The cost counts the share of
-    the torque limits that holds the arm with this payload, the nearness to a singularity, the distance from 0, and the
-    depth of links below the base.
+    It is the best of 2000 postures spread around 0, or around the middle of the ranges. The cost is lower with:
+    - a smaller gravity torque relative to the torque limits, with this payload;
+    - a larger distance from a singularity, and a smaller one from 0;
+    - no links below the base.
     """
     middle, half = 0.5 * (ratings.lower + ratings.upper), 0.5 * (ratings.upper - ratings.lower)
     wide = np.where(np.array(arm.joint_units) == "rad", np.minimum(half, 2.0), half)

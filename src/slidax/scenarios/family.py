@@ -1,4 +1,8 @@
-"""Families of scenarios: all scenarios that a file and its uncertainty sets allow."""
+"""Families of scenarios: all scenarios that a file and its uncertainty sets allow.
+
+A case is one scenario of the family: a value for each path that has a set. `truth` in its description holds the values
+of the true loop that the law does not know.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +30,9 @@ from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 @dataclass(frozen=True)
 class Space:
-    """Sets of values for dotted paths of a scenario, combined into a map from a unit cube to values.
+    """Sets of values for paths of a scenario, with a map from points of a unit cube to these values.
 
-    Each set maps its own coordinates of the cube to a value. The coordinates are in the order of the paths.
+    Each set maps its own coordinates of a point to a value. The coordinates are in the order of the paths.
 
     - `leaves`: the scenario's own values, with units and ranges, by path.
     - `sets`: the sets, by path.
@@ -53,7 +57,7 @@ class Space:
         return [path if width == 1 else f"{path}[{k}]" for path, width in self.widths.items() for k in range(width)]
 
     def values(self, cube: Array) -> dict[str, Array]:
-        """Return the values at points of the unit cube: an array for each path, first axis: the point.
+        """Return the values at points of the unit cube, by path; the first axis of each array is the point.
 
         - `cube`: points [rows, dimensions], in [0, 1).
 
@@ -70,7 +74,10 @@ class Space:
         return values
 
     def ends(self) -> list[dict[str, Any]]:
-        """Return four cases at the ends of the sets, values by path: all low, all high, alternating in both ways."""
+        """Return four cases at the ends of the sets, each with its values by path.
+
+        They are all values low, all high, and low and high in turn from path to path, starting with either.
+        """
         low, high = 0.0, np.nextafter(1.0, 0.0)
         even = np.repeat(np.arange(len(self.widths)) % 2 == 0, list(self.widths.values()))
         points = np.array([np.full(len(even), low), np.full(len(even), high), *np.where([even, ~even], low, high)])
@@ -79,7 +86,7 @@ class Space:
 
 
 def as_changes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a case, arrays by dotted path, with numbers and lists instead of arrays, as in a scenario file."""
+    """Return a case's values by path, with the arrays converted to numbers and lists, as in a scenario file."""
     return {path: np.asarray(value).tolist() for path, value in values.items()}
 
 
@@ -148,9 +155,9 @@ class Family:
         return _arm(self.base)
 
     def label(self, column: str) -> str:
-        """Return a study's column with a joint name as index: `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
+        """Return the name of a study's column with a joint's name as index, a form that `--set` also accepts.
 
-        `--set` accepts this form.
+        `start.q[3]` or `start.q.3` becomes `start.q[elbow]`.
         """
         path, _, indices = column.partition("[")
         leaf = self.space.leaves[path]
@@ -191,9 +198,11 @@ class Family:
         return DefinitionError(f"some of its values do not fit together: {error}", where=where)
 
     def case(self, values: Mapping[str, Any]) -> ScenarioDescription:
-        """Return the description of a case: varied values replace the file's, uncertain ones are its `truth`.
+        """Return the description of a case.
 
-        - `values`: a value for each dotted path, without a first axis.
+        Varied values replace the file's. Uncertain values are added to the description's `truth`.
+
+        - `values`: the case's values by dotted path.
 
         Raises DefinitionError if a value is invalid.
         """
@@ -205,13 +214,13 @@ class Family:
         return validate_text(data, known, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
-        """Build the scenario called `name` with the values of a case by dotted path, as in `case`."""
+        """Build the scenario of a case; `name` is the scenario's name, `values` are as in `case`."""
         return self.case(values).build(name)
 
     def parts(self, template: Templates, values: Mapping[str, Any]) -> Parts:
-        """Return the parts of the closed loop of a case, as `simulate` takes them.
+        """Return the parts of a case's closed loop, as `simulate` takes them.
 
-        - `template`: a case of the family; it supplies all values that are not in `values`.
+        - `template`: another case, which supplies all values that are not in `values`.
         - `values`: values by dotted path, which JAX may trace and which are not validated.
         """
         known = {path: value for path, value in values.items() if path in self.varied.sets}
@@ -227,10 +236,12 @@ class Family:
         return parts if tolerance is None else (*parts, tolerance)
 
     def traceable(self, template: Templates, values: Mapping[str, Array]) -> dict[str, bool]:
-        """Return for each path True if a single compiled loop can run all its values.
+        """Return for each path True if one compiled loop can run all values of this path.
 
-        - `template`: a case of the family; it supplies the other values.
-        - `values`: some values for each path, first axis: the row.
+        A value that cannot be an array in the compiled loop, such as a period, needs a loop of its own.
+
+        - `template`: a case, which supplies the values of all other paths.
+        - `values`: some values for each path; the first axis of each array is the case.
         """
         known: Any = jax.tree.structure((self.parts(template, {}),))
         traceable = {}
@@ -249,9 +260,9 @@ class Family:
         return traceable
 
     def templates(self, values: Mapping[str, Any]) -> Templates:
-        """Return a case as descriptions and built scenario, in which every path has a value.
+        """Return the template of a case: its descriptions, and the scenario built from them.
 
-        - `values`: a value for each dotted path, without a first axis.
+        - `values`: the case's values by dotted path.
         """
         case = self.case(values)
         built = case.build("template")
@@ -262,8 +273,8 @@ class Family:
 class Templates:
     """A case of a family, in which `Family.parts` replaces values.
 
-    - `believed`: the description that the law knows.
-    - `actual`: the true description.
+    - `believed`: description of the closed loop as the law knows it.
+    - `actual`: description of the true closed loop.
     - `built`: the scenario that is built from both.
     """
 

@@ -40,14 +40,15 @@ def changes_of_bodies(shares: Array, arm: Articulated, p: float) -> Array:
 
 
 def changes_in_ellipsoid(xi: Array, deviations: Array, arm: Articulated, p: float) -> Array:
-    """Return the changes ξ D of an identified arm's inertial parameters, by which its mass matrix changes by p at most.
+    """Return changes ξ D of an identified arm's inertial parameters, within its confidence ellipsoid.
 
-    A change that would exceed the share p is scaled down. The result has the axes [rows, 11, n]: for each joint ten
-    parameters of its body, then its rotor inertia.
+    A change is scaled down if the mass matrix would change by more than the relative share p. The result has the axes
+    [rows, 11, n]: for each joint ten parameters of its body, then its rotor inertia.
 
     - `xi`: ξ, of norm 1 at most [rows, r].
     - `deviations`: D, as `slidax identify` writes it [r, 11n]: ten columns for each body, then one for each rotor.
     - `arm`: the identified arm.
+    - `p`: largest relative change of the mass matrix.
 
     Raises DefinitionError if D does not fit the arm.
     """

@@ -150,7 +150,7 @@ class ActuatorDescription(AbstractDescription):
     )
 
     def of_robot(self, limits: JointLimits | None) -> ActuatorDescription:
-        """Return the description, with a torque or rate limit `robot` replaced by the arm's own limit.
+        """Return the description, in which the arm's own limits replace the value `robot` of `torque` and `rate`.
 
         - `limits`: limits from the arm's data sheet; None without one.
 
@@ -176,14 +176,14 @@ class ActuatorDescription(AbstractDescription):
         return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
     def known_map(self, joints: int) -> ActuatorMap | None:
-        """Return the actuator map that the law knows; None if commands are the joints' torques.
+        """Return the map from drive commands to joint torques that the law knows; None if both are equal.
 
         Raises DefinitionError if the map has another number of joints, or is invalid.
         """
         return self._map("map", joints)
 
     def known_to(self, law: AbstractController) -> AbstractController:
-        """Return the law with the actuator map `map`, or unchanged without a map.
+        """Return the law, which then uses the map `map` from drive commands to joint torques; unchanged without a map.
 
         Raises DefinitionError if there is a map and the law is not in sampled-data form.
         """

@@ -255,9 +255,9 @@ def read_robot(path: str | Path) -> tuple[dict[str, Any], Path]:
 
 @contextmanager
 def messages_with_keys() -> Iterator[None]:
-    """Reword errors and warnings from readers of robot files inside the block, for users of scenario files.
+    """Reword errors and warnings of the robot-file readers for users of scenario files, inside a `with` block.
 
-    Arguments in remedies become keys: `mimics="followed"` is `mimics: followed`.
+    A Python argument in a message becomes a key of the file: `mimics="followed"` becomes `mimics: followed`.
     """
     with warnings.catch_warnings(record=True) as assumed:
         warnings.simplefilter("always")
@@ -284,7 +284,7 @@ class NumbersDescription(AbstractRobotDescription):
     nominal: PartDescription
 
     def build(self) -> Arms:
-        """Build the true robot, and the nominal one: the true one with the parameters in `nominal` replaced."""
+        """Build the true robot, and the nominal robot, which has the true parameters except for those in `nominal`."""
         with locate_errors("plant"):
             true = self.plant.build()
         with locate_errors("nominal"):
@@ -365,7 +365,7 @@ class IdentifiedDescription(AbstractRobotDescription):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the description in the file; the differences of the true arm in `plant` replace those of the file.
+        """Return the description in the file, in which the true arm's differences in `plant` replace the file's.
 
         Raises DefinitionError if the file describes no arm of rigid links.
         """

@@ -1,4 +1,4 @@
-"""The sampled-data form of a scheme in a scenario file."""
+"""The sampled-data form of a scheme in a scenario file: the law for a fixed sample time, with an estimator."""
 
 from __future__ import annotations
 

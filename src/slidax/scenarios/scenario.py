@@ -329,7 +329,7 @@ class ScenarioDescription(AbstractDescription):
     """Sets of uncertain values by dotted path. Studies draw from them; a single run uses the file's own values."""
 
     def build(self, name: str) -> Scenario:
-        """Build the scenario. The law is built from the file's values and does not know those of `truth`.
+        """Build the scenario; the values of `truth` apply to the true loop only, and the law does not know them.
 
         Raises DefinitionError, with the path of the field, if a part is invalid.
         """

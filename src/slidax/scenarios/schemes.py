@@ -1,4 +1,7 @@
-"""Control schemes in a scenario file: presets by name, with their parts and parameters."""
+"""Control schemes in a scenario file: presets by name, with their parts and parameters.
+
+A preset is a control law with default parts, such as a sliding surface, and default values.
+"""
 
 from __future__ import annotations
 
@@ -149,7 +152,7 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"bound": bound.model_copy(update=update)})
 
     def with_limit(self, torque: Array) -> SchemeDescription:
-        """Return the scheme; a PID without a limit of its integral part gets the torque limits, if they are finite.
+        """Return the scheme; a PID without a limit of its integral part gets the torque limits, if all are finite.
 
         - `torque`: torque limits of the drives, a number or [n], N m or N.
         """
@@ -159,9 +162,9 @@ class SchemeDescription(PartDescription):
         return self.model_copy(update={"limit": np.asarray(torque).tolist()})
 
     def build(self, **more: Any) -> AbstractController:
-        """Build the law in continuous time, as its source prints it.
+        """Build the law in continuous time, in the form of its publication.
 
-        - `more`: `nominal`, the arm as the law knows it.
+        - `more`: `nominal`, the arm that the law knows; nothing for a law without a model.
 
         Raises DefinitionError, with the path of the field, if a value is invalid.
         """
@@ -181,7 +184,9 @@ def _preset_of(scheme: Mapping[str, Any]) -> Preset | None:
 
 
 def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any]:
-    """Return the mapping of a part, completed by the kind and the values of the preset's part if the kinds agree.
+    """Return the mapping of a part, in which missing values come from the preset.
+
+    A mapping with another kind than the preset's part is returned as it is.
 
     - `part`: the preset's part.
     - `value`: mapping of the part in the file.
@@ -191,9 +196,10 @@ def with_preset_values(part: PresetPart, value: dict[str, Any]) -> dict[str, Any
 
 
 def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
-    """Return a scheme's mapping with each parameter below its part, and with current names for former ones.
+    """Return a scheme's mapping in which each parameter is in the mapping of its part.
 
-    `{"k1": 0.3}` becomes `{"surface": {"k1": 0.3}}` if only the surface of the preset has a k1.
+    `{"k1": 0.3}` becomes `{"surface": {"k1": 0.3}}` if only the surface of the preset has a k1. Former names of
+    parameters are replaced by the current ones.
     """
     preset = _preset_of(scheme)
     if preset is None:
@@ -226,14 +232,14 @@ def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
 
 
 def current_path(path: list[str]) -> list[str]:
-    """Return a path in a scenario, as a list of keys, with the current name of a bound's parameter for a former one."""
+    """Return a path, a list of keys, in which a former name of a bound's parameter is replaced by the current one."""
     return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
 
 def owner_of(preset: Preset, name: str) -> str | None:
     """Return the name of the preset's part that has a parameter, such as `surface`.
 
-    None if the scheme itself, several parts or no part have it.
+    The result is None if the scheme itself has the parameter, or several parts or no part have it.
 
     - `name`: name of the parameter.
     """
@@ -251,14 +257,14 @@ OF_PLANS = ("horizon", "slopes", "recovery")
 
 
 def switch_scheme(scheme: Any, name: Any) -> Any:
-    """Return the scheme of a scenario file with another name.
+    """Return the mapping `scheme` of a scenario file for another preset.
 
-    The new scheme keeps the envelope, and those parameters of the bound for which it has no value of its own. It keeps
-    `sampled_data`, but without `horizon`, `slopes` and `recovery` if it does not plan over a horizon. All other
-    parameters take the new scheme's values. With the file's own name, nothing changes.
+    The result keeps the envelope, and those parameters of the bound that the new preset does not set. The result keeps
+    `sampled_data`. If the new law does not plan over a horizon, `horizon`, `slopes` and `recovery` are dropped. All
+    other parameters take the new preset's values. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
-    - `name`: new name; the validation refuses an unknown name.
+    - `name`: name of the new preset; an unknown name is refused later, at validation.
     """
     if not isinstance(scheme, dict):
         return {"name": name}

@@ -35,8 +35,9 @@ class Leaf:
     - `integer`: True for integers.
     - `unit`: its unit.
     - `ends`: numeric ends of its range.
-    - `envelope`: returns lower and upper start positions inside the envelope [n]; None unless the set needs them.
-    - `arm`: returns the nominal arm; None unless the set needs it.
+    - `envelope`: function that returns the lower and the upper start positions inside the envelope [n]; None unless the
+      set needs them.
+    - `arm`: function that returns the nominal arm; None unless the set needs it.
     """
 
     path: str
@@ -63,7 +64,7 @@ class Leaf:
 
     @property
     def shape_of_each(self) -> tuple[int, ...]:
-        """Shape of the values if each number is drawn separately: [n] if one number stands for all joints."""
+        """Shape of a draw with separate numbers: [n] for a value per joint that the scenario sets by one number."""
         return (self.joints,) if self.per_joint and self.shape == () else self.shape
 
     @property
@@ -83,10 +84,10 @@ class Leaf:
         return self.own
 
     def fitting(self, value: Any, key: str) -> Array:
-        """Return a number or numbers of a set as an array of the shape of the scenario's value.
+        """Return a parameter of a set as an array, broadcast to the shape of the scenario's value.
 
-        - `value`: the number or numbers.
-        - `key`: their key in the set, for the message.
+        - `value`: a number, or a list with a number for each entry.
+        - `key`: key of this parameter in the set, for the message.
 
         Raises DefinitionError if `value` has another shape, or is not finite.
         """
@@ -100,7 +101,7 @@ class Leaf:
         return self.spread_out(array, False)
 
     def spread_out(self, value: Array, each: bool) -> Array:
-        """Broadcast a value to `shape`, or to `shape_of_each` if each number is drawn separately (`each`)."""
+        """Broadcast a value to `shape`, or to `shape_of_each` if `each` is True."""
         return np.broadcast_to(value, np.broadcast_shapes(value.shape, self.shape_of_each if each else self.shape))
 
 

@@ -28,7 +28,7 @@ TAIL = 1e-16
 class Cut(NamedTuple):
     """Mean and standard deviation of a normal distribution that is truncated at the two ends of a set.
 
-    None: the middle between the ends, and 1/6 of their distance.
+    The defaults are the middle between the ends, and 1/6 of their distance.
     """
 
     mean: float | None = None
@@ -283,7 +283,7 @@ class InertialBand(AbstractSet):
     """D, the ellipsoid of an identified arm; a row has ten numbers for each body, then one for each rotor."""
 
     def coordinates(self, leaf: Leaf) -> int:
-        """A coordinate for each parameter; for an identified arm, one for each row of D and one for the distance."""
+        """Number of coordinates: 11 for each joint; for an identified arm, one for each row of D, and one for |ξ|."""
         return INERTIAL * leaf.joints if self.deviations is None else len(self.deviations) + 1
 
     def values(self, cube: Array, leaf: Leaf) -> Array:

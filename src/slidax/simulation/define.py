@@ -166,7 +166,12 @@ def require_transmission(plant: Plant | MujocoPlant, state0: State, stepping: St
 
 
 def windows_of(steps: int, period: float, bands: tuple[float, ...]) -> Windows:
-    """Return the statistics' time windows and settling bands for a run of `steps` periods."""
+    """Return the first samples of the statistics' time windows, and the settling bands.
+
+    - `steps`: number of periods of the run.
+    - `period`: time between samples [s].
+    - `bands`: error bands for the settling time, rad or m.
+    """
     return Windows(
         steady=constant(int(np.ceil(0.75 * steps))),
         late=constant(int(np.floor(2.0 / period + 1e-6)) + 1),

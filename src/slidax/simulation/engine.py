@@ -55,7 +55,7 @@ class RunRequest:
 class EngineResult(NamedTuple):
     """A finished run.
 
-    - `start`: the carry after the last sample, with envelope, reference and holding torque at t = 0.
+    - `start`: the loop's last state (`Carry`), then envelope, reference and holding torque at t = 0.
     - `log`: logged samples; None without a log.
     - `load`: motion of a released payload; None without one.
     """
@@ -79,8 +79,10 @@ class Engine(Protocol):
 def engine_for(name: str) -> Literal["native", "xla"]:
     """Return the engine for a single run, and warn if it differs from the requested one.
 
-    A single run never uses `cuda`: on a GPU one run takes as long as a whole batch. It runs on the CPU instead. This
-    includes a batch in which nothing varies, which is simulated once.
+    - `name`: "auto", "native", "xla" or "cuda".
+
+    A single run never uses "cuda", since one run takes as long as a whole batch on a GPU. A batch in which nothing
+    varies counts as a single run.
 
     Raises DefinitionError if the name is unknown.
     """
@@ -111,13 +113,14 @@ def engine_for_batch(name: str) -> Literal["native", "xla", "cuda"]:
 def native_or_xla(
     requested: str, chosen: str, native: Callable[[], T], xla: Callable[[], T], *, stacklevel: int = 3
 ) -> T:
-    """Return the result of `native`, or of `xla` if a part of the loop has no machine code, with a warning.
+    """Return the result of `native`; if the loop has no machine code, warn and return the result of `xla`.
 
-    - `requested`, `chosen`: names of engines; `chosen` comes from `engine_for` or `engine_for_batch`.
+    - `requested`: the user's choice of the engine, such as "auto".
+    - `chosen`: the engine that `engine_for` or `engine_for_batch` returned; "xla" skips `native`.
     - `native`, `xla`: functions that run the loop as machine code and by XLA.
 
-    Raises NoNativeCodeError if a part has no machine code and the user asked for this engine by name. Raises
-    DefinitionError, with the line, if the user's code depends on the values of arrays.
+    Raises NoNativeCodeError if a part has no machine code and `requested` equals `chosen`. Raises DefinitionError if
+    Python code of the user branches on the values of arrays; the message has the source line.
     """
     if chosen != "xla":
         try:

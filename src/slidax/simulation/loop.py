@@ -1,4 +1,8 @@
-"""One sample of the closed loop as pure functions, for all engines."""
+"""One sample of the closed loop as pure functions, for all engines.
+
+In held mode the law is evaluated once per sample, and its torque is held for the period. In continuous mode the law is
+evaluated at every stage of the integrator. A fault is an error outside the envelope, or a value that is not finite.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +39,7 @@ class ClosedLoop(eqx.Module):
     - `windows`: time windows of the statistics, and settling bands.
     - `integrator`: function that takes one integration step of the plant.
     - `substeps`: number of integration steps per period, in held mode.
-    - `continuous`: True to evaluate the law at every stage of the integrator.
+    - `continuous`: True for continuous mode, False for held mode.
     - `recover`: True to continue a run outside the envelope.
     - `tolerance`: tolerance band of the error, by which the run is judged; None without one.
     """
@@ -228,7 +232,7 @@ def move_both(
 def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, ""], state: State) -> Vector:
     """Return the force on the joints at the start of a substep: delivered torque plus disturbance, [n], N m or N.
 
-    For a simulator other than slidax's own plant, such as MuJoCo; the times are exactly those of the own plant.
+    MuJoCo moves the arm under this force. The substeps' times are bitwise those of `move_plant`.
 
     - `held`: torque command of the sample.
     - `k`: number of the sample.
@@ -243,7 +247,7 @@ def force(loop: ClosedLoop, held: HeldTorque, k: Int[Array, ""], i: Int[Array, "
 class PlantState(eqx.Module):
     """State of the integrator in continuous mode: the arm's state, and the controller's memory.
 
-    `memory` is None if the law returns no rate of it, so that it is not integrated.
+    `memory` is None if the law returns no rate for its memory; then the memory is not integrated.
     """
 
     q: Vector

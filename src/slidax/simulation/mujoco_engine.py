@@ -53,7 +53,7 @@ class BoundKernel:
         self._run(self._address, 1, 0)
 
     def shift(self, outputs: slice, by: np.ndarray) -> None:
-        """Advance the addresses of the selected outputs; `by` has the number of bytes for each."""
+        """Advance the addresses of the selected outputs by `by` [bytes], such as to the next row of a log."""
         self._table[self._inputs :][outputs] += by
 
 
@@ -103,7 +103,7 @@ class NativeSteps:
 
     @property
     def start(self) -> LoopStart:
-        """The current carry, with envelope, reference and holding torque at t = 0."""
+        """The loop's current state (`Carry`), then envelope, reference and holding torque at t = 0."""
         return (self._carries[self._current], *self._rest)
 
     @property
@@ -178,9 +178,9 @@ Packed = tuple[Any, ...]
 
 
 class Packing:
-    """Layout of a tree in packed arrays.
+    """Conversion of a pytree to few arrays and back: all floating-point leaves become one array.
 
-    - `shapes`: the tree, with shapes instead of arrays.
+    - `shapes`: the pytree, with shapes instead of arrays.
     """
 
     def __init__(self, shapes: Any) -> None:
@@ -305,7 +305,7 @@ def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
 
     - `plant`: the arm and its surroundings.
     - `engine`: requested name of the engine that evaluates the law, such as `auto`.
-    - `request`: the loop, with `plant.with_friction` as its plant.
+    - `request`: the loop; its plant must be `plant.with_friction`, which adds the friction that MuJoCo omits.
 
     Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
     part of the law has no machine code.

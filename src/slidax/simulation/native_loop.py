@@ -25,15 +25,19 @@ Define = Callable[[Any], tuple[ClosedLoop, State]]
 
 @dataclass(frozen=True)
 class NativeLoop:
-    """A closed loop as a program, with the layout of its arrays.
+    """A closed loop as a program, with the shapes of its results.
 
-    The inputs are `consts`, the loop's arrays, the number `steps` of samples, and `every` if each `every`-th sample is
-    logged. A single run also has the inputs `fresh`, True to start at t = 0, and the carry from which to continue
-    otherwise. The outputs are the log's arrays, row by row, and the arrays of `start` with the carry after the last
-    sample.
+    Inputs of the program, in this order:
+    - `consts`, and the loop's arrays.
+    - `steps`: the number of samples to advance.
+    - `every`, only with a log: every `every`-th sample is logged.
+    - `fresh`, only for a single run: True to start at t = 0.
+    - A `Carry`, only for a single run: the state from which it continues if not `fresh`.
 
-    - `consts`: arrays that the loop's functions close over.
-    - `start`: a `LoopStart`, with shapes instead of arrays.
+    Its outputs are the log's arrays, row by row, and a `LoopStart` whose `Carry` is that after the last sample.
+
+    - `consts`: constant arrays in the loop's functions.
+    - `start`: the `LoopStart`, with shapes instead of arrays.
     - `log`: log of one sample, with shapes instead of arrays; None without a log.
     """
 
@@ -44,7 +48,7 @@ class NativeLoop:
 
 
 def single_loop(define: Define, arrays: Any, *, logged: bool) -> NativeLoop:
-    """Return the program of one run, which ends after `steps` samples or at a fault.
+    """Return the program of one run, which ends at a fault or after `steps` samples (an input of the program).
 
     - `define`: maps arrays to a loop and the state at t = 0.
     - `arrays`: shapes of these arrays.
@@ -75,15 +79,15 @@ def lower_loop(
     shared: Any = None,
     beforehand: Callable[[Any], Any] | None = None,
 ) -> NativeLoop:
-    """Translate a loop, which two functions of arrays define, to a program.
+    """Translate a loop, given as the functions `start` and `step`, to a program.
 
-    - `start`: maps the arrays to a `LoopStart`.
-    - `step`: maps the arrays and a carry to the next carry and one row of the log.
+    - `start`: maps a run's arrays to a `LoopStart`.
+    - `step`: maps a run's arrays and a carry to the next carry and one row of the log.
     - `arrays`: shapes of one run's arrays.
     - `logged`: True to log every `every`-th sample.
     - `batch`: True for many runs in parallel.
-    - `shared`: arrays that all runs of a batch share; both functions then take the pair `(shared, arrays)`.
-    - `beforehand`: maps the arrays to others, once before the first sample; both functions then take these.
+    - `shared`: arrays that all runs of a batch share; then each function takes `(shared, arrays)` for `arrays`.
+    - `beforehand`: preprocessing of the arrays, done once before the first sample; `start` and `step` take its result.
     """
     inputs = arrays if shared is None else (shared, arrays)
     before = None if beforehand is None else _Traced(beforehand, inputs)
@@ -232,7 +236,10 @@ def _shape(x: Any) -> jax.ShapeDtypeStruct:
 
 
 class Dual(eqx.Module):
-    """A tree, and its derivative in one direction: a tree like it, with None where it has no floating-point array."""
+    """A pytree `value` and its directional derivative `tangent`, which has None for leaves that are not floating-point.
+
+    `tangent` has the structure of `value`.
+    """
 
     value: Any
     tangent: Any
@@ -243,10 +250,10 @@ class Dual(eqx.Module):
 
 
 def duals(define: Callable[[Any], tuple[ClosedLoop, State]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return the functions `begin` and `sample` of a loop with forward-mode derivatives, for a pair `(at, direction)`.
+    """Return `begin` and `sample` of a loop with forward-mode derivatives, as functions of a pair `(at, direction)`.
 
-    The first maps the pair to a `LoopStart` whose carry is a `Dual`. The second maps the pair and that carry to the
-    next carry and the sample's log, both `Dual`s.
+    - The first maps the pair to a `LoopStart` whose carry is a `Dual`.
+    - The second maps the pair and this carry to the next carry and the sample's log, both `Dual`s.
 
     - `define`: maps the arrays `at` to a loop and the state at t = 0.
     """
@@ -300,7 +307,11 @@ class LoopSignature:
 
     @staticmethod
     def of(arrays: Any, static: Any, logged: bool) -> LoopSignature:
-        """Return the signature of a tree from its arrays and its static parts, as `equinox.partition` returns them."""
+        """Return the key of a loop's compiled code.
+
+        - `arrays`, `static`: the loop's arrays and its other parts, as `equinox.partition` returns them.
+        - `logged`: True if the code writes a log.
+        """
         leaves, tree = jax.tree.flatten(arrays)
         others, static_tree = jax.tree.flatten(static)
         return LoopSignature(tree, tuple((x.shape, x.dtype.name) for x in leaves), static_tree, tuple(others), logged)

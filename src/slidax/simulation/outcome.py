@@ -100,7 +100,7 @@ class Outcome:
 
     @property
     def stopped(self) -> dict[str, str | float | int | None] | None:
-        """All fields except `kind`, as results in JSON have them; None if ok."""
+        """Fields of a bad outcome, except `kind`, for results in JSON; None if the outcome is ok."""
         return None if self.ok else {key: value for key, value in asdict(self).items() if key != "kind"}
 
 

@@ -60,8 +60,8 @@ def _readable(path: Path) -> Iterator[None]:
 def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | None = None) -> Any:
     """Read some columns of a Parquet file as a pyarrow table.
 
-    - `choose`: maps the file's schema, and the length of the first list in each column with lists, to the names of the
-      columns to read; by default all are read.
+    - `choose`: function that returns the names of the columns to read; by default all are read. Its arguments are the
+      file's pyarrow schema, and the list lengths by column, for columns with lists of numbers.
 
     Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name, a column
     without numbers or too many numbers, or pyarrow is missing; passes on the errors of `choose`.
@@ -78,7 +78,7 @@ def read_table(path: Path, choose: Callable[[Any, dict[str, int]], list[str]] | 
 
 
 def read_text_lists(path: Path, titles: Collection[str]) -> tuple[str, set[tuple[str, ...]]]:
-    """Return the name of the first column with lists of strings, and its distinct lists.
+    """Return the name of the first column with lists of strings, such as joint names, and its distinct lists.
 
     Both are empty if there is no such column. The strings stay dictionary-encoded until the distinct lists are known,
     since a small file can contain very many strings.
@@ -150,8 +150,8 @@ def require_numbers(
     - `file`: a `ParquetFile` of pyarrow.
     - `name`: the file's name, for messages.
     - `columns`: names of the needed columns.
-    - `sizes`: length of the lists in each column with lists, by the column's name.
-    - `most`: largest number of numbers to read; `MOST_NUMBERS` by default.
+    - `sizes`: list length by column, for columns with lists of numbers.
+    - `most`: largest number of values to read; `MOST_NUMBERS` by default.
     """
     most = MOST_NUMBERS if most is None else most
     schema, rows = file.schema_arrow, file.metadata.num_rows

@@ -53,7 +53,11 @@ class Plant(AbstractPart):
         return cls(mismatch.applied(nominal), disturbance, sensor, actuator, mismatch.load)
 
     def acceleration(self, t: Scalar, state: State, tau: Vector) -> Vector:
-        """Return the acceleration `q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, [n], rad/s² or m/s², at time t [s]."""
+        """Return the acceleration `q̈ = M⁻¹ (τ + τ_d - C q̇ - G - F)`, eq. (10), [n], rad/s² or m/s², at time t [s].
+
+        - `state`: true state of the arm.
+        - `tau`: τ, torque on the joints [n], N m or N. τ_d is the disturbance and F the friction.
+        """
         return self.at(t).acceleration(state, tau + self.disturbance(t, state))
 
     def at(self, t: Scalar) -> AbstractRobot:
@@ -160,7 +164,10 @@ class MujocoPlant(AbstractPart):
 
     @property
     def with_friction(self) -> Plant:
-        """`own` with smoothed Coulomb friction as a disturbance, unless MuJoCo simulates this friction (`dry`)."""
+        """The plant `own`, with smoothed Coulomb friction as a disturbance; without it if `dry`.
+
+        With `dry`, MuJoCo itself simulates this friction.
+        """
         own = self.own
         if self.dry or not isinstance(self.robot, Articulated):
             return own

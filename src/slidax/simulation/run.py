@@ -115,8 +115,9 @@ class Log(eqx.Module):
     - `state`: the true state, not the measured one.
     - `reference`, `envelope`: the controller's reference and envelope; `envelope` is None for a scheme without one.
     - `tau`: torque after the actuator's limits [N m or N]; if the measurement was lost, the previous torque.
-    - `signals`: the controller's internal quantities by name; if the measurement was lost, those of the unused command.
-    - `valid`: False for rows after the end of the run, which only a batch has.
+    - `signals`: the controller's internal quantities by name. If the measurement was lost, they belong to a command
+      that was not applied.
+    - `valid`: False for rows after the end of the run, which only a batch or a traced run has.
     """
 
     k: Int[AnyArray, "..."]
@@ -205,7 +206,7 @@ class Run(eqx.Module):
     def outcome(self) -> Outcome:
         """Outcome of a single run.
 
-        Raises DefinitionError for a batch, which has `outcomes`, and inside a transformation.
+        Raises DefinitionError for a batch, which has `outcomes`, and inside a JAX transformation.
         """
         if self.period.ndim:
             raise DefinitionError(

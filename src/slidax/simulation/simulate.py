@@ -230,8 +230,9 @@ def run_of(
 ) -> Run:
     """Return a run from the results of the native engine.
 
-    - `carry`: tally, fault, excursion and last state without a fault, as from `results_of`.
-    - `clock`: windows of the statistics, period and end, as from `BatchRequest.clock`.
+    - `log`: the run's log; None without one.
+    - `carry`: statistics, fault, excursion and last state without a fault, from `results_of`.
+    - `clock`: windows of the statistics, period and end, from `BatchRequest.clock`.
     - `joints`: units and names of the joints.
     """
     tally, fault, excursion, state = carry

@@ -1,4 +1,7 @@
-"""Running statistics of all samples, so that metrics are exact even if few samples are logged."""
+"""Running statistics of all samples, so that metrics are exact even if few samples are logged.
+
+The argument `running` of several methods is False after the end of a run; then the statistics stay as they are.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,11 @@ class ErrorTally(eqx.Module):
         return ErrorTally(error=zero, steady=zero, square=zero)
 
     def add(self, size: Scalar, running: Bool[Array, ""], steady: Bool[Array, ""]) -> ErrorTally:
-        """Return the tally with a sample of the error's size if `running`; it is in the last quarter if `steady`."""
+        """Return the tally with one more sample.
+
+        - `size`: size of the error at this sample, ≥ 0.
+        - `steady`: True for a sample in the last quarter of the run.
+        """
         return ErrorTally(
             error=jnp.where(running, jnp.maximum(self.error, size), self.error),
             steady=jnp.where(steady, jnp.maximum(self.steady, size), self.steady),
@@ -43,7 +50,7 @@ class ErrorTally(eqx.Module):
 
 
 class ToolTally(eqx.Module):
-    """Error of the tool relative to the reference.
+    """Statistics of the tool's error relative to its reference.
 
     - `position`: distance of the tip from its reference, m.
     - `rotation`: rotation angle from the reference, rad; None for a robot whose tip has no orientation.
@@ -61,7 +68,7 @@ class ToolTally(eqx.Module):
     def add(
         self, robot: AbstractRobot, q: Vector, wanted: Vector, running: Bool[Array, ""], steady: Bool[Array, ""]
     ) -> ToolTally:
-        """Return the tally with another sample if `running`.
+        """Return the tally with one more sample.
 
         - `q`, `wanted`: actual and reference positions of the joints [n], rad or m.
         - `steady`: True in the last quarter of the run.
@@ -86,11 +93,11 @@ def rotation_angle(axes: Float[Array, "3 3"], others: Float[Array, "3 3"]) -> Sc
 
 
 class ToleranceTally(eqx.Module):
-    """Margin of the error e to a tolerance band `b ρ(t) < e < b̄ ρ(t)`, eq. (12) of the paper.
+    """Margin of the error e to a tolerance band `b ρ(t) < e < b̄ ρ(t)` with radius ρ, eq. (12) of the paper.
 
     - `sides`: the factors b and b̄ [n], which follow from the true initial error by eq. (13) of the paper.
     - `outside`: number of samples with a joint at or outside its bounds, [].
-    - `margin`: min over time of the distance to the nearer bound, divided by the band's width [n]; below 0 outside.
+    - `margin`: smallest distance to the nearer bound over the run, divided by the band's width [n]; < 0 if outside.
     """
 
     sides: Sides
@@ -108,7 +115,7 @@ class ToleranceTally(eqx.Module):
         return ToleranceTally(sides=sides, outside=jnp.zeros((), int), margin=jnp.full(e.shape, jnp.inf))
 
     def add(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> ToleranceTally:
-        """Return the tally with another sample, with error e [n], rad or m, at t [s], if `running`."""
+        """Return the tally with one more sample, whose error is e [n], rad or m, at time t [s]."""
         bounds = tolerance.envelope(t, self.sides)
         known = running & jnp.all(jnp.isfinite(e))
         inside = jnp.all((bounds.lower < e) & (e < bounds.upper))
@@ -121,9 +128,11 @@ class ToleranceTally(eqx.Module):
 
 
 class MonitorTally(eqx.Module):
-    """Margin to the limits of the guarantee's assumptions, as the law's monitor reports it; negative beyond them.
+    """Statistics of the margin that the law's monitor reports.
 
-    - `margin`: minimum, []; inf before the first sample.
+    The monitor checks the guarantee's assumptions at run time. A negative margin means that one is violated.
+
+    - `margin`: minimum over the run, []; inf before the first sample.
     - `warned`: number of the first sample with a negative margin, []; -1 without one.
     """
 
@@ -136,7 +145,7 @@ class MonitorTally(eqx.Module):
         return MonitorTally(margin=jnp.full((), jnp.inf), warned=jnp.full((), -1))
 
     def add(self, k: Int[Array, ""], margin: Scalar, running: Bool[Array, ""]) -> MonitorTally:
-        """Return the tally with the monitor's margin at sample k, if `running`."""
+        """Return the tally with the monitor's margin at sample k."""
         first = running & (margin < 0.0) & (self.warned < 0)
         return MonitorTally(
             margin=jnp.where(running, jnp.minimum(self.margin, margin), self.margin),
@@ -160,6 +169,8 @@ class Windows(eqx.Module):
 class Tally(eqx.Module):
     """Statistics of all samples, one value per joint [n] unless stated otherwise.
 
+    e is the tracking error, rad or m, and τ the torque, N m or N.
+
     - `samples`, `violations`: number of samples, and of those with a joint at or outside its bounds, [].
     - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
     - `early_error`, `late_error`: sums of |e| up to 2 s, and after 2 s.
@@ -172,12 +183,12 @@ class Tally(eqx.Module):
     - `steady_square`: sum of (τ(k+1) - τ(k))² over the run's last quarter.
     - `torque_square`: sum of τ².
     - `torque_travel`: sum of |τ(k+1) - τ(k)|.
-    - `margin`: min over time of the distance to the nearer bound, divided by the width between the envelope's bounds;
+    - `margin`: smallest distance to the nearer bound of the envelope over the run, divided by the envelope's width;
       inf without an envelope.
     - `tolerance`: margin to the tolerance band; None without one.
     - `promise`: margin from the law's monitor; None without a monitor.
     - `tool`: error of the tool; None without a tool path.
-    - `rejected`: number of measurements that the law's gate rejected, []; None without a gate.
+    - `rejected`: number of implausible measurements that the law's gate rejected, []; None without a gate.
     """
 
     samples: Int[Array, ""]
@@ -216,7 +227,7 @@ class Tally(eqx.Module):
 
         - `joints`, `bands`: numbers of joints and of settling bands.
         - `tolerance`, `promise`, `tool`: fields of the tally.
-        - `gated`: True if the law has a gate that can reject measurements.
+        - `gated`: True if the law has a gate, which can reject measurements.
         """
         zero = jnp.zeros(joints)
         count = jnp.zeros((), int)
@@ -282,24 +293,24 @@ class Tally(eqx.Module):
         )
 
     def with_tolerance(self, tolerance: PrescribedPerformance, t: Scalar, e: Vector, running: Bool[Array, ""]) -> Tally:
-        """Return the tally with the error e [n], rad or m, at t [s] compared with the tolerance band, if `running`."""
+        """Return the tally with one more sample in `tolerance`, whose error is e [n], rad or m, at time t [s]."""
         if self.tolerance is None:
             return self
         return eqx.tree_at(lambda tally: tally.tolerance, self, self.tolerance.add(tolerance, t, e, running))
 
     def with_margin(self, k: Int[Array, ""], signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """Return the tally with the monitor's margin at sample k, from the law's `signals`, if `running`."""
+        """Return the tally with the monitor's margin at sample k, from the law's `signals`."""
         if self.promise is None:
             return self
         return eqx.tree_at(lambda tally: tally.promise, self, self.promise.add(k, signals["margin"], running))
 
     def with_rejection(self, signals: dict[str, Array], running: Bool[Array, ""]) -> Tally:
-        """Return the tally with the decision of the law's gate, from its `signals`: a rejected measurement, or none."""
+        """Return the tally with `rejected` one higher if the law's gate rejected this sample, as in `signals`."""
         if self.rejected is None:
             return self
         rejected = running & (signals["rejected"] > 0.0)
         return eqx.tree_at(lambda tally: tally.rejected, self, self.rejected + rejected.astype(int))
 
     def with_violation(self, outside: Bool[Array, ""]) -> Tally:
-        """Return the tally with another violation if the sample is at or outside its bounds."""
+        """Return the tally with one more violation if this sample is at or outside the envelope's bounds."""
         return eqx.tree_at(lambda tally: tally.violations, self, self.violations + outside.astype(int))

@@ -24,11 +24,12 @@ _begin = eqx.filter_jit(begin)
 
 
 def advance(loop: ClosedLoop, carry: Carry, points: int, every: int | None, *, pack: bool) -> tuple[Carry, Log | None]:
-    """Return the carry after `points * (every or 1)` samples, and the log of every `every`-th sample.
+    """Return the loop's carry after `points * (every or 1)` samples, and the log of every `every`-th sample.
 
     - `points`: number of rows in the log; without a log, the number of samples.
     - `every`: n to log every n-th sample; None for no log.
-    - `pack`: True to pass the loop's arrays as one: faster for a single run, but the runs of a batch share nothing.
+    - `pack`: True to pass the loop's arrays as one array. This is faster for a single run. In a batch, it prevents the
+      runs from sharing equal values.
     """
     arrays, rest = eqx.partition(loop, eqx.is_inexact_array)
     packed, unpack = ravel_pytree(arrays)

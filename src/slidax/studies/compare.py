@@ -25,7 +25,7 @@ from .study import AbstractResult, AbstractStudy, Cell, Chart, RunOptions, Secti
 
 @dataclass(frozen=True)
 class CompareResult(AbstractResult):
-    """Result of a comparison of schemes on the same cases.
+    """Result of a comparison of schemes on the same cases. The first scheme is the reference.
 
     - `of`, `holds`, `confidence`, `seed`: as in `Compare`; `family` is that of the first scheme.
     - `tables`: table of each scheme, by its name, with a row for each case; a row number is the same case in all.
@@ -53,7 +53,7 @@ class CompareResult(AbstractResult):
         return next(iter(self.tables))
 
     def difference(self, name: str, of: str) -> PairedDifference:
-        """Return statistics of a metric's difference, scheme minus reference, over the cases that both ran to the end.
+        """Return statistics of a metric's difference, scheme minus reference, over the cases that both completed.
 
         - `name`: name of the scheme.
         - `of`: key of the metric.
@@ -63,9 +63,9 @@ class CompareResult(AbstractResult):
         return paired_difference(np.where(complete, item[of], np.nan), other[of], self.confidence, seed=self.seed)
 
     def shares(self, name: str, holds: str) -> PairedShares | None:
-        """Return the difference, scheme minus reference, between the shares of cases with a property.
+        """Compare the share of cases that have a property: return the difference, scheme minus reference.
 
-        None if the property is `envelope` and one of the two schemes has no envelope.
+        The result is None if the property is `envelope` and one of the two schemes has no envelope.
 
         - `name`: name of the scheme.
         - `holds`: the property, such as `envelope` or `steady_error < 1e-3`.
@@ -77,9 +77,9 @@ class CompareResult(AbstractResult):
         return paired_shares(item, other, self.confidence)
 
     def rate(self, name: str, holds: str) -> tuple[int | None, Interval | None]:
-        """Return the number of cases without a property, and an interval for the probability of the property.
+        """Return the number of cases without a property, and a confidence interval for the property's probability.
 
-        None and None if the property is `envelope` and the scheme has no envelope.
+        Both are None if the property is `envelope` and the scheme has no envelope.
 
         - `name`: name of the scheme.
         - `holds`: the property, as in `shares`.

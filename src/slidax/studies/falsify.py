@@ -79,10 +79,13 @@ class Falsify(AbstractStudy):
 
 
 def rank_badness(columns: Columns, of: str) -> np.ndarray:
-    """Return a number for each row, lower for worse rows: a margin, or the negative of a metric whose least is best.
+    """Return a number for each row, which is lower for a worse row [rows].
+
+    The number is the margin, the metric, or the negative of a metric whose smaller values are better. A row without a
+    value gets +∞ if it did not fail.
 
     - `columns`: table with outcome and metrics of the rows.
-    - `of`: `margin`, or the key of a metric; a row that ended early is then worse than all others.
+    - `of`: `margin`, or the key of a metric. With a metric, rows that ended early are worse than all others.
 
     Raises DefinitionError if there is no such metric, or no row has a value for it.
     """

@@ -191,7 +191,7 @@ class MonteCarloResult(AbstractTableResult):
 
     @property
     def causes(self) -> list[tuple[str, int, int]]:
-        """Outcome, joint from 1, and number of failed runs with both; the most common first."""
+        """Failed runs by outcome and joint: tuples of outcome, joint from 1, and number of runs; see `causes_of`."""
         return causes_of(self.table)
 
     def as_json(self) -> dict[str, Any]:
@@ -224,7 +224,9 @@ class MonteCarloResult(AbstractTableResult):
 
 
 def causes_of(table: Columns) -> list[tuple[str, int, int]]:
-    """Return each outcome and joint (from 1) of failed runs with their number, the most common first.
+    """Count the failed runs by outcome and joint.
+
+    Returns tuples of outcome, joint (from 1) and number of runs, the most common first.
 
     - `table`: outcome and metrics of the runs.
     """

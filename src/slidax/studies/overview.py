@@ -116,7 +116,7 @@ def _margins(family: Family, table: Columns) -> list[Section]:
 
 
 def flat_names(family: Family, table: Columns) -> list[str]:
-    """Return the names of a table's columns that have uncertain or varied values of the cases."""
+    """Return the names of those columns of a table that contain the cases' uncertain or varied values."""
     return [name for name in table if name.partition("[")[0] in family.space.sets]
 
 

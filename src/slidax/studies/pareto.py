@@ -108,11 +108,12 @@ def pareto_search(
 
         maxᵢ wᵢ (log fᵢ - zᵢ) + 0.05 Σᵢ wᵢ (log fᵢ - zᵢ),  zᵢ = log fᵢ* - 0.05
 
-    with the weights wᵢ and the best feasible value fᵢ* so far (V. J. Bowman, 1976; the sum avoids weakly dominated
-    points). If the start is feasible, another CMA-ES minimises this norm for wᵢ = 1 and zᵢ = log fᵢ(start), to improve
-    on the start in all objectives. An infeasible point is worse than every
-    feasible point, and the worse the larger its violation. The points of all CMA-ES are evaluated in a single batch. A
-    CMA-ES that has converged restarts at the best point for its weights.
+    with the weights wᵢ and the best feasible value fᵢ* so far (V. J. Bowman, 1976). The sum avoids weakly dominated
+    points. If the start is feasible, another CMA-ES minimises this norm for wᵢ = 1 and zᵢ = log fᵢ(start). It searches
+    for points that are better than the start in all objectives.
+
+    An infeasible point is worse than every feasible point, and a larger violation is worse. The points of all CMA-ES
+    are evaluated in a single batch. A CMA-ES that has converged restarts at the best point for its weights.
 
     - `judge`: returns objectives and constraint violations of points [points dimension].
     - `dimension`: dimension of the cube.

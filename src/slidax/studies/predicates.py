@@ -97,7 +97,7 @@ class SequentialStop:
     """Counts failures in the order of the rows, and decides when to stop.
 
     - `until`: the stopping rule; None for no early stop.
-    - `confidence`: confidence of the confidence sequence that shows the property's probability.
+    - `confidence`: confidence of the confidence sequence for the property's failure rate.
     """
 
     def __init__(self, until: UntilDescription | None, confidence: float) -> None:

@@ -263,7 +263,7 @@ class BatchEvaluator:
         raise IndexError(row)
 
     def collected(self) -> dict[str, Any]:
-        """Write `rows.parquet` if there is a store; return the fields of `AbstractTableResult` but `study`, by name."""
+        """Write `rows.parquet` if there is a store, and return the fields of `AbstractTableResult` except `study`."""
         store = self.runner.store
         return {
             "family": self.family,

@@ -38,12 +38,12 @@ class SearchResult:
 
 
 def distinct_minima(points: np.ndarray, values: np.ndarray, count: int, distance: float) -> np.ndarray:
-    """Return the indices of the lowest points, the lowest first, each at a distance from all lower ones.
+    """Return the indices of the points with the lowest values, without neighbours of a lower point; lowest first.
 
     - `points`: points of the unit cube [points dimension].
     - `values`: their values [points].
-    - `count`: largest number of points.
-    - `distance`: least difference of any two of them in at least one coordinate.
+    - `count`: largest number of returned points.
+    - `distance`: any two returned points differ by at least this in one coordinate.
     """
     chosen: list[int] = []
     left = np.ones(len(values), bool)

@@ -50,9 +50,9 @@ def read_identity(folder: Path) -> dict[str, Any]:
 
 
 def study_of_rows(path: Path) -> str | None:
-    """Return the digest of the study that a file's rows belong to; None without one, or if the file cannot be read.
+    """Return the digest of the study to which a file belongs; None if it has none or cannot be read.
 
-    - `path`: a part or `rows.parquet`.
+    - `path`: a part, which has the rows of one chunk, or `rows.parquet`.
     """
     import pyarrow.parquet as pq
 
@@ -359,7 +359,7 @@ class Store:
 def count_rows(folder: Path) -> int:
     """Return the number of rows that are stored in the parts of a study.
 
-    - `folder`: folder of the study, whose subfolders count, too, as for the schemes of a comparison; may be missing.
+    - `folder`: folder of the study; it may be missing. Its subfolders, one for each scheme of a comparison, count too.
     """
     count = 0
     for parts in sorted({folder / PARTS, *folder.glob(f"*/{PARTS}")}):

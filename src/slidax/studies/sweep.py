@@ -99,7 +99,7 @@ def _axis(family: Family, path: str, values: AbstractSet, count: int) -> np.ndar
 
 @dataclass(frozen=True)
 class SweepResult(AbstractTableResult):
-    """Result of a sweep; from row to row the case varies fastest, then the last parameter.
+    """Result of a sweep. The rows of `table` are in C order of the axes [parameters ..., case].
 
     - `axes`: swept values of each parameter, by path; the first axis is the value.
     - `shape`: number of values of each parameter.
@@ -116,7 +116,7 @@ class SweepResult(AbstractTableResult):
 
     @property
     def worst(self) -> np.ndarray:
-        """The worst value over the cases at each point, which is the least for a margin; array of `shape`."""
+        """Worst value over the cases for each parameter combination, as an array of `shape`."""
         numbers = self.table[self.study.of].reshape(*self.shape, -1)
         if self.study.of == "margin":
             bad = self.table["outcome"].reshape(numbers.shape) > 0
@@ -126,7 +126,7 @@ class SweepResult(AbstractTableResult):
 
     @property
     def failing(self) -> np.ndarray:
-        """The share of cases that left their envelope or ended early, at each point; array of `shape`."""
+        """Share of cases that left their envelope or ended early, for each parameter combination; array of `shape`."""
         return np.asarray((self.table["outcome"] > 0).reshape(*self.shape, -1).mean(axis=-1))
 
     @property

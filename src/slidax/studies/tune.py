@@ -110,11 +110,11 @@ def evaluate_aims(
 
 
 def point_of_own_values(space: Space) -> np.ndarray:
-    """Return the point of the unit cube that gives the scenario's own gains, or the nearest point [dimensions].
+    """Return the point of the unit cube at which the gains are the scenario's own [dimensions].
 
-    A gain that has no value in the scenario gets the coordinate 0.5.
+    An own value outside its set gives the nearest coordinate; a gain without a value gives 0.5.
 
-    - `space`: sets of the gains, whose values increase with the coordinates.
+    - `space`: sets of the gains; their values must increase with the coordinates.
     """
     low, high = np.zeros(space.dimensions), np.ones(space.dimensions)
     for _ in range(50):
@@ -173,7 +173,7 @@ class TuneResult(AbstractResult):
     - `base`: description of the scenario with the current gains.
     - `front`: the Pareto front, with objectives on the training cases.
     - `gains`: gains of each candidate on the front, by path.
-    - `before`: objectives of the current gains on the training cases [aims].
+    - `before`: objectives of the scenario's current gains on the training cases [aims].
     - `today`: rows of the current gains on the held-out cases.
     - `held_out`: rows of the front on the held-out cases, candidate by candidate; None if the front is empty.
     - `table`: all rows except those of the current gains.
@@ -198,7 +198,10 @@ class TuneResult(AbstractResult):
 
     @property
     def best(self) -> int | None:
-        """Index on the front of the candidate whose largest ratio of an objective to today's is least in training."""
+        """Index of the best candidate on the front; None if the front is empty.
+
+        The best candidate has the smallest `max(objective/current objective)` on the training cases.
+        """
         if not len(self.gains):
             return None
         reference = np.where(np.isfinite(self.before), self.before, self.front.aims.min(axis=0))

@@ -42,7 +42,10 @@ POLICY = (
 
 
 def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the page for a `manifest`, and its security policy: only own scripts, and requests only to the studio."""
+    """Return the HTML page for a `manifest`, and the page's content security policy.
+
+    The policy allows only the page's own scripts, and requests only to the studio.
+    """
     nonce = secrets.token_urlsafe(18)
     text = page_text(
         manifest,

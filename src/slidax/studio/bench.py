@@ -84,7 +84,9 @@ class Bench:
         }
 
     def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
-        """Return the answer to a request, or its error, as a mapping, and binary data, often empty.
+        """Return the answer to a request as a mapping, and its binary data, which is often empty.
+
+        The mapping of a failed request has only the key `error`.
 
         - `request`: fields of the request; `do` is its kind, such as "run".
         """

@@ -62,7 +62,9 @@ def readable_folders() -> list[Path]:
 
 
 def writable_folders(root: Path, scratch: Path) -> list[Path]:
-    """Return what a confined process may write: `root`, `scratch`, caches of slidax and matplotlib, and devices.
+    """Return the paths that a confined process may write: `root`, `scratch`, two caches, and devices.
+
+    The caches are those of slidax and matplotlib.
 
     - `root`: the studio's folder.
     - `scratch`: temporary folder of the process.
@@ -242,10 +244,12 @@ class _Beneath(ctypes.Structure):
 
 
 def restrict(read: Iterable[Path], write: Iterable[Path]) -> bool:
-    """Give up files and TCP connections of this process by Landlock; return False if the kernel does not support it.
+    """Restrict this process's access to files by Linux's Landlock; return False if the kernel does not support it.
 
-    - `read`: files and folders that it may still read.
-    - `write`: files and folders that it may still read and write.
+    From Landlock's version 4 on, the process can also no longer use TCP connections.
+
+    - `read`: files and folders that the process may still read.
+    - `write`: files and folders that the process may still read and write.
     """
     if sys.platform != "linux":
         return False

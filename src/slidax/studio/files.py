@@ -187,7 +187,10 @@ class Folder:
             return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
     def listing(self, folder: str = "") -> list[FileEntry]:
-        """Return the files below a `folder` (default: all); not hidden files, links, Python and Node environments."""
+        """Return the readable files below a `folder` (default: all), at most `MOST_FILES`.
+
+        Hidden files, links, other endings than `READ`, and Python and Node environments are left out.
+        """
         top = self.resolve(folder) if folder else self.root
         entries: list[FileEntry] = []
         for parent, folders, files in os.walk(top):

@@ -34,7 +34,7 @@ PROGRAM = "server"
 def manifest_of(scenario: Scenario) -> dict[str, Any]:
     """Return the manifest of a `scenario`: its own law and other laws, with choices and sliders.
 
-    The server simulates every variant, that is, every combination of the choices.
+    A variant is a combination of the choices, which are period and delay. The server simulates every variant.
     """
     description = scenario.description
     joints = int(scenario.state0.q.size)
@@ -63,7 +63,7 @@ def manifest_of(scenario: Scenario) -> dict[str, Any]:
 def compiled_manifest_of(scenario: Scenario) -> dict[str, Any]:
     """Return the manifest of a `scenario`, with its own law as WebAssembly that the page runs.
 
-    Only the variant with the scenario's own period and delay runs in the page; the server simulates all others.
+    The page runs only the variant with the scenario's own period and delay. The server simulates all others.
 
     Raises DefinitionError if the law cannot be compiled for a page.
     """

@@ -112,7 +112,7 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve until Ctrl-C, which also ends the processes.
+    """Serve the studio to browsers on this machine until Ctrl-C, which also ends the studio's processes.
 
     - `root`: folder to read and write.
     - `module`: module of the command line; a job calls its `main`.

@@ -126,12 +126,12 @@ SAFE = frozenset({*BUILTINS, *LIMITED.values(), *MATHEMATICS.values()})
 def evaluate(
     text: str, names: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]], budget: Budget | None = None
 ) -> Any:
-    """Return the value of an expression.
+    """Return the value of an expression of a xacro file, such as `2*radius` or `arm.links[0]`.
 
     - `text`: numbers, strings, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
-    - `names`: values by name; entries of a mapping are attributes.
-    - `functions`: callable names, also in a namespace such as `xacro`, in addition to `math` and some built-ins.
-    - `budget`: budget of the expansion; a new one by default.
+    - `names`: values by name; a mapping's entries are read as attributes, such as `arm.links`.
+    - `functions`: functions by name that a text may call, in addition to those of `math` and some built-ins.
+    - `budget`: step budget of the file's expansion; a new one by default.
 
     Raises ExpressionError for anything else.
     """

@@ -30,7 +30,7 @@ class RigidInertias:
     """Checks the inertias of a file and records the replaced ones.
 
     - `how`: "strict" rejects each inertia that no body can have, "nearest" replaces it by the nearest possible one, and
-      "given" replaces it if no principal moment is negative and none changes by more than `PRINTED` of the largest.
+      "given" replaces it if no principal moment is negative and none changes by more than 1 % of the largest.
 
     Raises DefinitionError for another value.
     """

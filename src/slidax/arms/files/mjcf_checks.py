@@ -52,7 +52,9 @@ def check_spec(spec: Any) -> None:
 
 
 def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
-    """Reject in a compiled MuJoCo model: numbers that are not finite, springs, couplings, other forces on the joints.
+    """Reject features of a compiled MuJoCo model that an arm of rigid links cannot have.
+
+    They are numbers that are not finite, springs, couplings between joints, and other forces on the joints.
 
     - `locked`: positions of joints that do not move, by name.
 
@@ -253,13 +255,15 @@ WEIGHS = "the body's inertia comes from it, so give the body an <inertial>"
 
 
 def drop_weightless_shapes(spec: Any, folder: Path, meshes: bool, attached: bool) -> None:
-    """Replace meshes and height fields by a small ball, except those that define a body's inertia.
+    """Replace meshes and height fields that define no body's inertia by a small ball.
+
+    Their files may then be missing. Skins, materials and textures are deleted.
 
     - `folder`: folder of the robot file.
-    - `meshes`: True if the dropped meshes must exist, too.
-    - `attached`: True if parts come from other files; then only MuJoCo knows the folders of meshes.
+    - `meshes`: True if the replaced meshes' files must exist, too.
+    - `attached`: True if parts come from other files. Meshes are then not checked: only MuJoCo knows their folders.
 
-    Raises DefinitionError, naming the body, if a mesh is missing.
+    Raises DefinitionError, naming the body, if a mesh that must exist is missing.
     """
     files = {mesh.name: mesh for mesh in spec.meshes}
     needed: set[str] = set()
@@ -300,10 +304,11 @@ def _make_ball(geom: Any) -> None:
 
 
 def leave_out_objects(spec: Any, tip: str | None) -> list[str]:
-    """Delete bodies of an `MjSpec` that are not part of the arm, and return their names.
+    """Delete objects of a scene, such as a box on a table, from an `MjSpec`, and return the names of their root bodies.
 
-    Each child of the world is the root of a tree. With a tip, all moving trees without it are objects. Without a tip,
-    trees with a free or a ball joint are objects, if another tree can be an arm. Bodies in an equality are not objects.
+    Each child of the world body is the root of a tree. If the tip is known, an object is a moving tree without it.
+    Otherwise an object is a tree with a free or a ball joint, if another moving tree has neither. A tree in an active
+    equality constraint is not an object.
 
     - `tip`: name of the body or site at the arm's end; None if unknown.
     """

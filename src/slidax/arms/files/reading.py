@@ -94,7 +94,10 @@ class Notes:
         return [f"{before}{_listed(owners)}{after}" for (before, after), owners in self._owners.items()]
 
     def explain(self, error: DefinitionError) -> DefinitionError:
-        """Return the error with notes in its message: those about links or joints in it, or all if it names none."""
+        """Return the error with notes added to its message.
+
+        They are the notes about links and joints that the message names, or all notes if it names none.
+        """
         named = set(re.findall(r"`[^`]*`", error.message))
         hints = [
             f"{before}{_listed(owners)}{after}"

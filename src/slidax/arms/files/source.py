@@ -24,11 +24,11 @@ DEEPEST = 300
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A robot file.
+    """A robot file: its text and parsed XML.
 
-    - `path`: path of the file; None for a text.
+    - `path`: path of the file; None if the XML itself was passed.
     - `root`: outermost XML element.
-    - `prefixed`: for each undeclared namespace prefix, the name of an element with this prefix.
+    - `prefixed`: for each namespace prefix without a declaration, such as `gazebo`, an element's name with this prefix.
     """
 
     text: str
@@ -53,8 +53,8 @@ def read_robot_file(
     """Read a robot file from its path or its text; a URDF file that ends in `.xacro` is expanded.
 
     - `source`: a path, or the XML itself: a text with `<` in it.
-    - `root`: name of its outermost element.
-    - `other`: the remedy for another outermost element, as a clause after a semicolon.
+    - `root`: the required name of the outermost element: `robot` for URDF, `mujoco` for MJCF.
+    - `other`: end of the message if the outermost element has another name, such as "from_mjcf reads <mujoco>".
     - `arguments`: arguments of a xacro file, by name.
     - `packages`: as in `from_urdf`.
 
@@ -139,9 +139,9 @@ def _decoded(text: str | bytes, tree: ET.Element) -> str:
 
 
 def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Yield a text such as "link `fore`" and an element, for each element.
+    """Yield each element of an XML tree, after a text that describes it in messages.
 
-    The text names the element or its nearest ancestor with a name.
+    The text has the tag and name of the element, or of its nearest named ancestor, such as "link `fore`".
     """
     stack = [(f"<{root.tag}>", root)]
     while stack:
@@ -153,9 +153,10 @@ def elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
 
 
 def owner_at(text: str, tag: str, line: int) -> str:
-    """Return the name of the element `tag` that begins in a line, as in `elements`; empty if there is none.
+    """Return a text for messages, such as "link `fore`", for the element that begins in a line; empty if there is none.
 
     - `text`: XML text.
+    - `tag`: tag of the element.
     - `line`: number of the line, from 1.
     """
     parser, around, owners = expat.ParserCreate(), [""], [""]

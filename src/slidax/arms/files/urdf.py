@@ -41,10 +41,10 @@ class Following:
 
 @dataclass(frozen=True)
 class Mimicry:
-    """The held and the following joints of an arm.
+    """Joints of an arm that do not move, and joints that follow another joint, as by `<mimic>`.
 
-    - `held`: positions of held joints by name, also of those that the user holds, rad or m.
-    - `following`: followers that move, by name.
+    - `held`: constant positions of the joints that do not move, by name, rad or m; also of those that the user locks.
+    - `following`: joints that follow another joint, by name.
     """
 
     held: dict[str, float]
@@ -56,17 +56,18 @@ class InvalidLeaderError(Exception):
 
 
 def mimicry_of(tree: UrdfTree, tip: str, locked: Mapping[str, float], mimics: str, notes: Notes) -> Mimicry:
-    """Decide which mimic joints are held and which follow their leader.
+    """Decide which joints with `<mimic>` are held at a constant position, and which follow their leader.
 
-    A follower is held if its leader, or a leader of that leader, is held or fixed. Followers outside the path from base
-    to tip are held at their positions for the leader position nearest to 0. A leader is held too if it is outside this
-    path with all its followers.
+    A follower is held if its independent leader is locked or fixed. If `mimics` is "held", a follower is also held if
+    it is not on the path from base to tip, at its position for the leader's position nearest to 0. The leader is held
+    there too, if neither it nor one of its followers is on this path.
 
-    - `locked`: positions of the joints that the user holds.
-    - `mimics`: "held" as above, or "followed" to let all followers move with their leader.
+    - `tip`: name of the link whose frame is the tip.
+    - `locked`: positions of the joints that the user holds, by name, rad or m.
+    - `mimics`: "held" as above, or "followed" to let each follower move with its leader if the leader moves.
     - `notes`: receives the held joints.
 
-    Raises DefinitionError, naming the joint, if one between base and tip follows an unknown joint or itself.
+    Raises DefinitionError, naming the joint, if a joint on the path follows an unknown joint or itself.
     """
     if mimics not in get_args(Mimics):
         raise DefinitionError(f"`mimics` must be `held` or `followed`; got `{mimics}`")

@@ -174,11 +174,11 @@ def number(element: ET.Element | None, name: str) -> float | None:
 def limits_of(joint: ET.Element, notes: Notes | None = None) -> tuple[dict[str, float], list[str]]:
     """Return `lower`, `upper`, `velocity` and `torque` of a moving joint, and the names of missing limits.
 
-    A velocity or an effort of 0 or -1 counts as missing, and so does a range whose ends are both 0: programs that
-    export robot files write these values, and a joint that cannot move is "fixed". If one end is given, the other is 0
-    by the standard. A range with exchanged ends that then contains 0 is corrected.
+    A velocity or an effort of 0 or -1 counts as missing, and so does a range from 0 to 0: exporters write these values
+    for unknown limits. An end that is missing is 0, as the URDF standard says. If upper < 0 < lower, the two ends are
+    exchanged.
 
-    - `joint`: checked; "revolute", "continuous" or "prismatic".
+    - `joint`: checked element of type "revolute", "continuous" or "prismatic".
     - `notes`: receives the assumptions.
 
     Raises DefinitionError, naming the joint, for an invalid limit.

@@ -1,4 +1,7 @@
-"""Inertia, bias and outer torques of true and nominal arms along a motion, and the ratio of their inertias."""
+"""Inertia, friction and external torques of true and nominal arms along a motion, and the ratio of their inertias.
+
+Arms of the same structure share compiled code, since the arms' values are inputs of that code.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +40,10 @@ _kernels: dict[Any, Callable[..., tuple[Floats, Floats]]] = {}
 def mass_and_bias(
     robot: AbstractRobot, load: TimedPayload | None, t: Floats, q: Floats, dq: Floats
 ) -> tuple[Floats, Floats]:
-    """Return `M(q)` [times n n] and `C(q,q̇) q̇ + G(q)` [times n] with the payload at each time.
+    """Return the inertia `M(q)` [times n n] and the bias `C(q,q̇) q̇ + G(q)` [times n] of an arm, in SI units.
 
-    Arms of the same structure share compiled code, whose inputs are the arms' values.
-
-    - `load`: the timed payload, or None.
-    - `t`: [times], s.
+    - `load`: the payload with the times at which it is attached and released, or None.
+    - `t`: [times], s. `q`, `dq`: positions and velocities [times n].
     """
     arrays, rest = eqx.partition((robot, load), eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
@@ -85,9 +86,10 @@ def _kernel(leaves: list[Floats], tree: Any, rest: Any, joints: int) -> Callable
 
 
 def massless_load(robot: AbstractRobot, like: Plant) -> TimedPayload | None:
-    """Return a payload without mass, with which a robot can use the compiled code of another plant.
+    """Return a payload of mass 0, or None.
 
-    None if their structures differ, or the other plant has no payload.
+    With it, a robot without payload has the structure of the plant `like`, and can use the code compiled for that
+    plant. None if the two robots differ in structure, or `like` has no payload.
     """
     alike = bool(jax.tree.structure(robot) == jax.tree.structure(like.robot))  # type: ignore[operator]
     if like.load is None or not alike:
@@ -120,15 +122,16 @@ def _external_torques(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class NominalModel:
-    """A law's model of the arm: `M̂ = S (M0 + diag(J - J0)) S` and `F̂ = f tanh(q̇_d/v_s)`.
+    """A law's model of the arm: inertia `M̂ = S (M0 + diag(J - J0)) S` and friction `F̂ = f tanh(q̇_d/v_s)`.
 
-    S is a diagonal scaling for J below 0 (`with_rotors`); otherwise it is the identity.
+    J are the rotor inertias that the law has learned, and J0 those that M0 contains. S is the identity, or a diagonal
+    scaling if a J is below 0 (`with_rotors`).
 
-    - `robot`: M0, C0 and G0.
-    - `rotor`, `counted`: J, and the J0 that M0 contains [n]; None for a law that does not learn, where `M̂ = M0`.
-    - `coulomb`, `smoothing`: f, and v_s [n].
+    - `robot`: the nominal arm, with the inertia M0, Coriolis matrix C0 and gravity torque G0.
+    - `rotor`, `counted`: J and J0 [n]; None for a law that does not learn, where `M̂ = M0`.
+    - `coulomb`, `smoothing`: Coulomb friction f, and its velocity scale v_s [n].
     - `like`: an arm whose compiled code the model may use.
-    - `times`: times [K], s, from which each J and f [K n] is used; None for constant ones [n].
+    - `times`: times [K], s, from which on each row of J and f [K n] is used; None if J and f are constant [n].
     """
 
     robot: AbstractRobot
@@ -260,7 +263,7 @@ def _reference(trajectory: Any, t: Any) -> Any:
 
 
 def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
-    """Return an arm for each distinct inertia, and for each of `plants` the index in that list.
+    """Return one arm for each distinct inertia, and for each of `plants` the index of its inertia's arm.
 
     Arms that differ only in friction or external forces have the same inertia.
     """
@@ -277,7 +280,7 @@ def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
 
 
 def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Floats, Floats]:
-    """Return M [arms times n n], and `M q̈ + C q̇ + G` [arms times n], of true arms along a motion."""
+    """Return true arms' inertia M [arms times n n] and torque `M q̈ + C q̇ + G` [arms times n] along a motion."""
     torques = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
     masses = np.array([mass for mass, _ in torques])
     return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in torques])
@@ -333,12 +336,16 @@ KEPT = 24
 def inertia_ratios(
     plants: Sequence[Plant], beliefs: Sequence[NominalModel], motion: StateSequence, kept: int = KEPT
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the range of κ [2 n], the largest |K_ij/K_jj| for i ≠ j [n n], and K at some instants [I n n].
+    """Return bounds of `K = M⁻¹M̂` over all arms, with the true inertia M and the law's M̂ along the motion.
 
-    `K = M⁻¹M̂` with the true inertia M and the law's M̂, and κ is its diagonal. All three values are over all arms.
+    The three results are:
+
+    - the least and the largest κ [2 n], where κ is the diagonal of K;
+    - the largest |K_ij/K_jj| for i ≠ j [n n];
+    - K at some instants [I n n].
 
     - `plants`: the true arms. `beliefs`: the law's model for each of them.
-    - `kept`: number of instants at which K is returned.
+    - `kept`: number of instants at which K is returned for each arm.
     """
     few = motion.every(INSTANTS)
     matrices: list[Floats] = []

@@ -1,4 +1,7 @@
-"""Demand of an uncertainty set on the joints' loops: the disturbances to compensate, and the inertia ratios."""
+"""Demand of an uncertainty set on the joints' loops: the disturbances to compensate, and the inertia ratios.
+
+The members of the set are the true arms that it allows, each with its external forces.
+"""
 
 from __future__ import annotations
 
@@ -32,20 +35,24 @@ from .members import MOST_ENDS, Members
 class Demand:
     """The disturbances that the joints' estimators must follow, and the error of the law's inertia.
 
-    With the true inertia M, the law's M0 and `K = M⁻¹ M0`, the error obeys `ë = K (a - q̈_r + w* - ŵ)`. Here a is the
-    commanded acceleration, ŵ the estimate, and `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` the disturbance that the law
-    must compensate. n is the arm's torque without its inertia term, and d the external torque. Along the reference the
-    disturbance of each member is the signal `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and |x_k| at
-    most 1. λ and x are constant over time, and the same for all joints.
+    The error obeys `ë = K (a - q̈_r + w* - ŵ)`, where
+
+    - `K = M⁻¹ M0`, with the true inertia M and the law's M0;
+    - a is the commanded acceleration, q̈_r the reference's, and ŵ the estimate of the disturbance;
+    - `w* = M0⁻¹ ((M0 - M) q̈_r + n0 - n + d)` is the disturbance that the law must compensate. n and n0 are the torques
+      of the arm and of the model without their inertia term, and d is the external torque.
+
+    Along the reference each member's disturbance is `Σ λ_m (w*_m + Σ x_k effects_mk)` with `λ >= 0`, `Σ λ = 1` and
+    `|x_k| <= 1`. λ and x are constant over time, and the same for all joints.
 
     - `times`: samples, a period apart [times], s.
-    - `disturbance`: w* along the reference for each extreme member [members times n], rad/s² or m/s².
+    - `disturbance`: w*_m along the reference for each extreme member m [members times n], rad/s² or m/s².
     - `kappa`: the least and the largest diagonal of K [2 n].
     - `coupling`: bounds of |K_ij/K_jj| for i ≠ j, the effect of other joints' accelerations [n n].
     - `assumptions`: assumptions of `disturbance` and its bounds; `of_kappa`: of `kappa` and `coupling`.
-    - `effects`: change of each w* by half the width of an uncertain value [members values times n], rad/s² or m/s².
-    - `jumps`: bound of the further change of w* between two samples [times n]: by the forces' deviation from their
-      chord, and by payloads that are attached or released.
+    - `effects`: change of each w* by half the range of an uncertain value [members values times n], rad/s² or m/s².
+    - `jumps`: bound of the distance of w* from its chord between two samples [times n], rad/s² or m/s². Friction,
+      external forces, and payloads that are attached or released contribute to it.
     - `matrices`: K of members at some instants of the motion [I n n].
     """
 
@@ -60,11 +67,12 @@ class Demand:
     matrices: Floats | None = None
 
     def worst(self, response: Callable[[Floats], Floats]) -> Floats:
-        """Return the largest size of a linear map of the disturbance over all members [times n].
+        """Return the largest absolute value of a linear response to w*, over all members [times n].
 
-        At each time and joint some member attains this size; another member may do so at another time.
+        The member that attains it may be another one at each time and joint.
 
-        - `response`: maps signals [... times n] to signals of that shape, such as the loops' response or the identity.
+        - `response`: linear map from signals [... times n] to signals of that shape. For the identity, the result is
+          the largest |w*|.
         """
         size = np.abs(response(self.disturbance))
         if self.effects is not None and self.effects.shape[1]:
@@ -73,11 +81,11 @@ class Demand:
 
 
 def compute_demand(scenario: Scenario, family: Family | None = None) -> Demand:
-    """Return the disturbances that the joints' estimators must follow along the motion, and the error of M0.
+    """Return the demand of a scenario's uncertainty set along the motion.
 
-    Without `uncertainty` the scenario's own arm is the only member. A law that learns has its initial model.
+    Without `uncertainty` the scenario's own arm is the only member. For a law that learns, M0 is its initial inertia.
 
-    - `family`: another set, such as a study's.
+    - `family`: a set in place of the scenario's own, such as a study's.
 
     Raises DefinitionError for a law without a model, or an invalid set.
     """

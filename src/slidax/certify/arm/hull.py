@@ -1,4 +1,7 @@
-"""Convex hulls of an uncertainty set's torques and inertias, from finitely many members."""
+"""Convex hulls of an uncertainty set's torques and inertias, from finitely many members.
+
+The set is a box with one axis for each uncertain value. Its members are the arms at the points of the box.
+"""
 
 from __future__ import annotations
 
@@ -40,13 +43,14 @@ BERNSTEIN = np.array([[1.0, 0.0, 0.0], [-0.5, 2.0, -0.5], [0.0, 0.0, 1.0]])
 class Hull:
     """Set that contains a function's values for all members: convex combinations of corners, plus `Σ x_k effect_k`.
 
-    Each |x_k| is at most 1. Corners and effects are weighted sums of the values of the evaluated members.
+    Each |x_k| is at most 1. The function is evaluated at P members. Each corner and each effect is a weighted sum of
+    these P values.
 
     - `points`: points of the box at which members are evaluated [P D]; the first is the middle of the box.
-    - `corners`: weights of the evaluated members in each corner [K P].
-    - `effects`: weights of the evaluated members in each effect [E P]. An effect is the change by half a value's range.
-    - `sampled`: axes that were only sampled, since they are not polynomials of degree up to 2.
-    - `without`: axes without effect.
+    - `corners`: weights of each corner [K P].
+    - `effects`: weights of each effect [E P]. An effect is the function's change by half the range of a value.
+    - `sampled`: axes along which the function is no polynomial of degree up to 2. They were only sampled.
+    - `without`: axes on which the function does not depend.
     """
 
     points: Floats
@@ -67,8 +71,8 @@ class Hull:
 def convex_hull(evaluate: Callable[[Floats], Floats], dimensions: int) -> Hull:
     """Return the convex hull of a function's values over all members of an uncertainty set.
 
-    Evaluations at random points determine the degree in each value, and the pairs of values that are multiplied. Two
-    different polynomials agree at a random point with probability 0.
+    Evaluations at random points determine the function's degree in each uncertain value, and the pairs of values that
+    it multiplies. Two different polynomials agree at a random point with probability 0.
 
     - `evaluate`: maps points of the box [P D] to the function values of their members [P F].
     - `dimensions`: D.
@@ -201,12 +205,12 @@ PROBES = 48
 
 
 def probe_torques(members: Members, points: Floats) -> Floats:
-    """Return the torques of members at random states, and at some states of the motion [P F].
+    """Return the torques of members at random states, and at some states of the motion [P F], N m or N.
 
-    The times are random, so that a ripple is zero at all of them with probability 0. A pulse may lie between two random
-    times. So the times at which a force starts, jumps or ends are added, and the times of brief contacts.
+    The times are random, since a periodic force could be zero at evenly spaced times. A short force may lie between two
+    random times. So the times at which a force starts, jumps or ends are added, and the times of brief contacts.
 
-    - `points`: points of the set's box [P D].
+    - `points`: points of the set's box [P D]. F counts the states and joints.
     """
     random = np.random.default_rng(0)
     motion, plants = StateSequence.of(members.scenario), members.plants(points)

@@ -143,12 +143,12 @@ WORTH = 0.02
 
 @dataclass(frozen=True)
 class Supremum:
-    """An upper bound.
+    """Upper bound of a norm over all postures, and the largest value on the grid from which it follows.
 
     - `upper`: the bound.
-    - `sampled`: the largest value on the grid; the supremum is at least this value if all joints are on the grid.
-    - `points`: number of grid points for each joint on the grid.
-    - `factor`: ratio of the bound to the largest value on the grid.
+    - `sampled`: the largest value on the grid. The supremum is at least this value if the grid has all joints.
+    - `points`: number of grid points for each joint of the grid.
+    - `factor`: factor from the largest value on the grid to a bound between its points.
     """
 
     upper: float
@@ -234,9 +234,9 @@ def _largest(
 
 
 def spectral_norm(values: Any) -> Floats:
-    """Return the spectral norms of matrices [P n n]; 0 for matrices whose norm cannot be the largest.
+    """Return spectral norms of matrices [P n n], of which only the largest one is needed [P].
 
-    The Frobenius norm is an upper bound, which shows which matrices need not be evaluated.
+    A matrix gets 0 if its Frobenius norm, which is an upper bound, is below a spectral norm already computed.
     """
     frobenius: Floats = np.sqrt((np.abs(values) ** 2).sum(axis=(1, 2)))
     order = np.argsort(-frobenius)
@@ -265,7 +265,7 @@ class ArmConstants:
     - `weight`: bounds of |G_i| [n], N m or N.
     - `mass_slope`: L with `‖M(p) - M(q)‖ <= L ‖p - q‖`; `weight_slope`: the same for G.
     - `coriolis`: c with `‖C(q,q̇) q̇‖ <= c ‖q̇‖²`.
-    - `sampled`: least and largest eigenvalue of M on the grid; valid bounds are at least as far apart.
+    - `sampled`: least and largest eigenvalue of M on the grid; valid bounds enclose these two values.
     """
 
     inertia_max: float

@@ -130,9 +130,9 @@ class Members:
         """Return the middle of the box, and its corners in all axes that can change the inertia [P D].
 
         If there are more than `most` corners, only `most` of them are returned: the corners with all values least and
-        with all values largest, and corners from `extremes`.
+        with all values largest, and corners from `extremes`. All other axes are at their middle.
 
-        - `without`: axes without effect.
+        - `without`: axes that have no effect and are left at their middle.
         """
         count = len(self.axes)
         acting = self.inertial(without)
@@ -154,9 +154,10 @@ class Members:
     def extremes(self, count: int) -> Floats:
         """Return corners at which the effects of the set's values add up, in pairs of opposite corners [count D].
 
-        A direction weights the joints' torques at some times (`_direction`). At a corner each value is at the end that
-        increases the weighted sum; a value without effect is at its middle. So the corners do not depend on the order
-        in which the set is written, or on the number of equal terms by which a force is written.
+        Each pair belongs to a direction: weights of the joints' torques at some times (`_direction`). At the first
+        corner each value is at the end of its range that increases the weighted sum of torques. A value without effect
+        is at its middle. So the corners do not depend on the order in which the set is written, or on the number of
+        equal terms by which a force is written.
         """
         effects = self._effects
         shares = np.empty((count, len(self.axes)))
@@ -196,10 +197,10 @@ class Members:
 
     @cached_property
     def brief_force_times(self) -> Floats:
-        """Times at which brief forces, such as a contact, depend most on the set's values [K], s.
+        """Sample times at which uncertain values change a brief force, such as a contact, most [K], s.
 
-        Each value of the disturbance is varied from end to end, with all others at their lower ends, in the middle, and
-        at their upper ends.
+        Each value of the disturbance is moved from one end of its range to the other. All other values are first at
+        their lower ends, then in the middle, then at their upper ends.
         """
         motion, samples = StateSequence.of(self.scenario), [np.zeros(0, int)]
         for axis in self.disturbance_axes:
@@ -230,9 +231,9 @@ class Members:
 
     @cached_property
     def disturbances(self) -> tuple[AbstractDisturbance, AbstractDisturbance]:
-        """Two disturbances: with each number at its least value in the set, and with each at its largest value.
+        """Two disturbances: the first has each number at its least value in the set, the second at its largest.
 
-        Each number of the disturbance depends on a single axis, so that axes are varied separately.
+        Each number of the disturbance depends on a single axis, so that it is enough to vary one axis at a time.
         """
         axes = self.disturbance_axes
         points = np.full((2 * len(axes) + 1, len(self.axes)), 0.5)
@@ -301,7 +302,9 @@ CORNERS = 8
 
 @lru_cache(maxsize=4)
 def corner_scenarios(scenario: Scenario) -> Sequence[Scenario]:
-    """Return the scenario and, if it is uncertain, `CORNERS` scenarios at corners of its set where effects add up.
+    """Return the scenario itself and, if it has uncertain values, `CORNERS` scenarios at corners of its set.
+
+    At these corners the effects of all values on the torques add up (`Members.extremes`).
 
     Raises DefinitionError if a set is empty or its path does not exist.
     """

@@ -37,7 +37,7 @@ def robust_torque(scenario: Scenario, demand: Demand | None = None) -> Verdict:
     """Check `u >= ‖M0 w*‖` along the motion, for every member of the set: the paper's (44), (45), docs/sampled-data.md.
 
     u is the robust torque, M0 the law's inertia, and w* is the disturbance that the law must compensate (`Demand`). A
-    law in sampled-data form limits its compensation to u, so that `s⁺ = 0` holds only if u is large enough.
+    law in sampled-data form limits its compensation to u. So the sliding variable reaches 0 only if u is large enough.
 
     - `demand`: demand of the scenario's set; computed by default.
     """
@@ -119,8 +119,9 @@ class UncertaintySamples:
     """Samples of the lumped uncertainty, the paper's (18), at S random states of members.
 
     - `position`: ‖q‖ [S]; `speed`: ‖q̇‖² [S]; `torque`: ‖τ‖ [S].
-    - `lumped`: `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖` [S], N m, with b and b0 the velocity forces and weight of the true
-      arm and of the model; b also has the friction, and minus the external torque.
+    - `lumped`: `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖` [S], N m. M and M0 are the inertias of the true arm and of the model.
+      b is the true arm's Coriolis torque, gravity and friction minus the external torque. b0 is the model's Coriolis
+      torque and gravity.
     """
 
     position: Floats
@@ -133,9 +134,9 @@ class UncertaintySamples:
 def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdict:
     """Check that the law's b0, b1, b2 and γ bound the lumped uncertainty, `ρ <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`.
 
-    This is the paper's (19). ρ of its (18) is `‖(M0 M⁻¹ - I)(τ - b) - (b - b0)‖`, with b the true arm's weight,
-    velocity forces and friction minus the external torque. A linear program over random members and states gives the
-    b0, b1, b2 with the least mean bound for the same γ. Independent members and states check these values.
+    This is the paper's (19). ρ of its (18) is `lumped` of `UncertaintySamples`: the torque that the model's error
+    amounts to. A linear program over random members and states gives the b0, b1, b2 with the least mean bound for the
+    same γ. Independent members and states check these values.
 
     - `family`: a set in place of the scenario's own, such as a study's.
     """
@@ -191,11 +192,9 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
 
 
 def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintySamples:
-    """Return `STATES` samples of each of some members.
+    """Return the lumped uncertainty of `count` members, at `STATES` random states each.
 
     Half of the members are at corners of the set, half between a corner and the middle.
-
-    - `count`: number of members.
     """
     scenario = members.scenario
     random = np.random.default_rng(seed)
@@ -232,7 +231,9 @@ def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintyS
 
 
 def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
-    """Return b0, b1, b2 >= 0 with `lumped <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` for all samples, and the least mean.
+    """Return b0, b1, b2 >= 0 [3] with `lumped <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` for all samples.
+
+    Among all such values they have the least mean of the right side over the samples.
 
     - `gamma`: γ.
     """
@@ -248,11 +249,11 @@ def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
 
 
 def largest_share(numbers: Floats, gamma: float, samples: UncertaintySamples) -> float:
-    """Return the largest share of `b0 + b1‖q‖ + b2‖q̇‖²` that a sample needs in addition to γ‖τ‖.
+    """Return the largest ratio of `lumped - γ‖τ‖` to `b0 + b1‖q‖ + b2‖q̇‖²` over the samples.
 
-    It is inf if the bound is 0 at a sample that needs it.
+    Up to 1 the bound (19) holds at all samples. The ratio is inf if only the denominator is 0.
 
-    - `numbers`: b0, b1, b2. `gamma`: γ.
+    - `numbers`: b0, b1, b2 [3]. `gamma`: γ.
     """
     needs = np.maximum(samples.lumped - gamma * samples.torque, 0.0)
     bound = _state_bound(numbers, samples)

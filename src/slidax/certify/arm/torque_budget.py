@@ -143,7 +143,10 @@ def _arrays(plant: Plant) -> Any:
 
 
 def narrow_time(scenario: Scenario) -> float:
-    """Return 1.25 times the time at which the envelope is narrow, plus 0.1 s [s]; t1 without an envelope."""
+    """Return the end of the simulated approach [s]; t1 for a law without an envelope.
+
+    It is 1.25 times the time at which the envelope is narrow (`SETTLED`), plus 0.1 s.
+    """
     t = np.linspace(0.0, scenario.t1, 400)
     width = envelope_width(scenario, t)
     if width is None:
@@ -153,7 +156,10 @@ def narrow_time(scenario: Scenario) -> float:
 
 
 def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, Floats]]]:
-    """Return true arms, and as many random starts (q, dq), at corners of the set; the first are the scenario's own."""
+    """Return true arms at corners of the set, and a start (q, dq) for each, at a random corner of the set's starts.
+
+    The first arm and the first start are the scenario's own.
+    """
     scenario, count = members.scenario, len(members.axes)
     own = np.asarray(scenario.state0.q, float), np.asarray(scenario.state0.dq, float)
     space = members.family.uncertain
@@ -183,7 +189,8 @@ class BrakingMargin:
 
     - `acceleration`: a, the acceleration that each joint has left while the others follow the motion [n], rad/s² or
       m/s². It is inf without limits, and 0 if the motion needs the whole torque.
-    - `lead`: `c = H - h/2` with the law's horizon H [s].
+    - `lead`: c of the led error `e + c ė`, which the law feeds back [s]. `c = H - h/2` with the law's horizon H and the
+      period h.
     """
 
     acceleration: Floats
@@ -242,10 +249,11 @@ LONGER = (1.5, 2.0, 3.0, 4.0)
 def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Family | None = None) -> Verdict:
     """Check torque and torque rate of every member against the limits of the drives.
 
-    Along the motion the torques are computed: `τ = M̂ (q̈_r - w*) + n̂` of each member. On the approach from the start
-    to the reference they are simulated, for members and starts at corners of the set. If a limit is reached only on the
-    approach, the certificate holds with `since`, the time after which no limit is reached. The other certificates apply
-    from then on.
+    Along the motion each member's torque is computed: `τ = M̂ (q̈_r - w*) + n̂`. Here M̂ is the law's inertia, n̂ its
+    Coriolis torque, gravity and friction, q̈_r the reference's acceleration, and w* the disturbance of `Demand`.
+    On the approach from the start to the reference torques are simulated, for members and starts at corners of the set.
+    If a limit is reached only on the approach, the certificate holds from the time `since`, after which no limit is
+    reached. The other certificates apply from then on.
 
     - `demand`: demand of the set; computed by default.
     - `family`: a set in place of the scenario's own, such as a study's; `demand` must belong to it.

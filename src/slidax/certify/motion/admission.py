@@ -218,10 +218,10 @@ def admit(
 
 
 def monitor_setting(admissions: Sequence[MotionAdmission]) -> dict[str, list[float]] | None:
-    """Return the setting of a monitor for admitted motions, as in a scenario file; None if no motion is admitted.
+    """Return the setting `disturbance` of the law's run-time monitor (`Monitor`); None if no motion is admitted.
 
-    `disturbance` bounds each joint's estimated disturbance [n], rad/s² or m/s², for every arm of the set. So the
-    monitor raises no false alarm on these arms.
+    The monitor warns if a joint's estimated disturbance exceeds this setting [n], rad/s² or m/s². For every arm of the
+    set the setting bounds the estimate along the admitted motions, so that no false alarm occurs.
     """
     bounds = [answer.verdict.bound["disturbance"] for answer in admissions if answer.admitted]
     if not bounds:

@@ -1,14 +1,15 @@
 """An arm as points with mass: inertia, its derivatives and inertial forces as inner products of point velocities.
 
-A body's pseudo-inertia `J = [Σ m c; m cᵀ m]` with mass m, centre c and second moments Σ is `PᵀP` for four points in
-homogeneous coordinates (x, w), the rows of P: any field that is affine on the body has the same integral of squares
-over them. With the positions of all of them stacked in one vector X(q) of 12 numbers per body,
+A body with mass m, centre c and second moments Σ has the pseudo-inertia `J = [Σ m c; m cᵀ m]`. `J = PᵀP`, where the
+rows of P are four points in homogeneous coordinates (x, w). A field that is affine on the body, such as its velocity,
+has the same integral of squares over the body's mass and over these points. Let X(q) be the positions of all points, 12
+numbers per body, `Y = ∂X/∂q` their Jacobian and `Ẏ_v` its rate for joint velocities v. Then
 
-    M = YᵀY + diag(rotors),  Y = ∂X/∂q,      C(q, v) = Yᵀ Ẏ_v,      inverse dynamics = Yᵀ (Ẍ - g) + rotors · q̈,
+    M = YᵀY + diag(rotors),      C(q, v) = Yᵀ Ẏ_v,      inverse dynamics = Yᵀ (Ẍ - g) + rotors · q̈,
 
-and the second derivatives are `∂_j∂_k X = z_j × ∂_k X` for a revolute joint j before or at k. So all derivatives have
-bounds in kg m² without any grid. A pseudo-inertia that is wrong by ΔJ with `-C <= ΔJ <= C` changes an inner product of
-two fields by at most `‖a‖ ‖b‖`, with both on the four points of C.
+and `∂_j∂_k X = z_j × ∂_k X` for a revolute joint j with the axis z_j that is k or carries k. So all derivatives have
+bounds in kg m² without any grid. An error ΔJ of the pseudo-inertia with `-C <= ΔJ <= C` changes the inner product of
+two fields a and b by at most `‖a‖ ‖b‖`. Both norms are those on the four points of C.
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def points_of(pseudo: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class PointMotion:
-    """Points along a motion, at several times. X has D = 12 n coordinates: three for each of a body's four points.
+    """Motion of the bodies' points X at several times; X has D = 12 n coordinates, three for each of four points.
 
     - `columns`: the Jacobian `Y = ∂X/∂q` and its first two derivatives by time, each [times D n].
     - `acceleration`: `Ẍ - g` [times D]; `jerk`: `X⃛` [times D].
@@ -134,7 +135,7 @@ class PointMotion:
 
 @dataclass(frozen=True, eq=False)
 class FrameMotion:
-    """The joints' frames along a motion. Each frame counts as four points: its three axes and its origin.
+    """Motion of the joints' frames at several times. Each frame counts as four points: its three axes and its origin.
 
     - `columns`: derivatives of the points by the joint positions, and their first two derivatives by time. Each is
       [times n n 4 3], for time, joint, frame, point and coordinate.
@@ -169,7 +170,7 @@ class FrameMotion:
 
 
 def frame_motion(bodies: BodyPoints, q: Floats, dq: Floats, ddq: Floats, dddq: Floats) -> FrameMotion:
-    """Return the joints' frames along a motion.
+    """Return the motion of the joints' frames for a motion of the joints.
 
     - `q`, `dq`, `ddq`, `dddq`: positions and their derivatives [times n].
     """

@@ -43,13 +43,13 @@ SIGMAS = 6.0
 class CertifiedLaw:
     """A law to certify along motions, with its arm, uncertainty and limits: everything but the motion.
 
-    - `arm`: the nominal arm; `bodies`: its bodies as points with mass.
-    - `loop`: loop of every joint.
+    - `arm`: the nominal arm; `bodies`: its bodies as points with mass (body_points.py).
+    - `loop`: linear loop of every joint.
     - `uncertainty`: uncertainty of the true arm.
-    - `gate`: the law's measurement gate.
-    - `torque`, `torque_rate`: the smaller of the drives' and the law's limits [n].
+    - `gate`: the law's measurement gate, which rejects implausible positions.
+    - `torque`, `torque_rate`: the smaller of the drives' and the law's limits [n], N m or N, and per second.
     - `premises`: assumptions that the certificate does not prove.
-    - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
+    - `hand_over`: nonlinear part of a law with a sliding surface (hand_over.py); None for computed torque.
     """
 
     arm: Articulated

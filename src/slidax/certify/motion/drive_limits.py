@@ -1,12 +1,17 @@
-"""Bounds of the commanded torque and of its step from one period to the next.
+"""Bounds of the commanded torque and of its step from one period to the next, in each time cell of a motion.
 
-The commanded torque has three parts: the torque of the planned motion, `M0 s`, and the change of the model's torque as
-the model is evaluated off the plan. `M0 s` has two bounds, and the smaller bound is used:
+The commanded torque is the sum of three parts:
+
+- the torque of the planned motion;
+- `M0 s`, with the nominal inertia M0 and the law's feedback acceleration s;
+- the change of the model's torque, since the law evaluates its model at a predicted state and not on the plan.
+
+`M0 s` has two bounds, of which the smaller is used:
 
 - by the size of s: `Σ_j |M0_ij| |s_j|`;
-- by torques: in the nominal loop `s = S * w` with one scalar kernel for all joints. The kernel commutes with M0, but
-  for the change of M0 in the kernel's memory. So friction, disturbances and the band enter `M0 s` as torques of their
-  own joint, and not through `|M0| |M0⁻¹|`.
+- by torques: in the nominal loop s is the convolution `s = S * w` of the disturbance w with one scalar kernel S for all
+  joints. So `M0 s` is the response to the torque `M0 w`, apart from the change of M0 in the kernel's memory. Friction,
+  disturbances and the inertial band count as torques of their own joint, and not through `|M0| |M0⁻¹|`.
 """
 
 from __future__ import annotations
@@ -132,9 +137,11 @@ class Torques:
         self.total_norm = bounds.disturbance_norm + problem.p * moving + at.band + problem.pushed_norm
 
     def commanded(self, name: str) -> dict[str, Floats]:
-        """Return bounds of M0 times an output as shares by name [cells n]; their sum bounds the product.
+        """Return shares of a bound of |M0 x| by name [cells n], N m or N, for an output x of the joints' loops.
 
-        - `name`: an output whose kernel has `beyond` 0, such as `command`, `command_step`, `estimate` or `sliding`.
+        The sum of the shares is the bound. Each share has the name of its cause, such as `friction`.
+
+        - `name`: x: `command`, `command_step`, `estimate`, `sliding` or another output whose kernel has `beyond` 0.
         """
         problem, at, inputs, cells = self.problem, self.at, self.problem.inputs, self.problem.path.cells
         i, table = USED.index(name), problem.nominal
@@ -175,11 +182,11 @@ class Torques:
         return shares
 
     def moved(self, position: str, velocity: str) -> Floats:
-        """Return a bound of the change of the model's torque as its position and velocity change [cells n].
+        """Return a bound of the model torque's change with the state at which the model is evaluated [cells n].
 
         The part due to the feedback acceleration s is left out.
 
-        - `position`, `velocity`: names of the outputs that bound the two changes.
+        - `position`, `velocity`: names of the outputs that bound this state's changes, such as `model_position`.
         """
         outputs, norms = self.bounds.outputs, self.bounds.norms
         turned = np.einsum("nij,nj->ni", self.coriolis, outputs[velocity])
@@ -188,10 +195,11 @@ class Torques:
 
     @cached_property
     def moves(self) -> tuple[Floats, Floats, Floats]:
-        """Bounds of the change of the model state's deviation from the motion, in a period.
+        """Bounds of the change, in a period, of the deviation of the model's state from the motion.
 
-        They are: change of position and of velocity [cells n], and the norm of the latter [cells]. The plan's velocity
-        is a mean over a period, so that its rate differs from the motion's by the shares `off`.
+        The model's state is that at which the law evaluates its model. The bounds are those of the position and of the
+        velocity [cells n], and of the velocity's norm [cells]. They include the difference between the mean
+        acceleration that the law plans for a period and the motion's own.
         """
         cells, h = self.problem.path.cells, self.problem.path.cells.period
         place, speed = self.bounds.outputs["model_position_step"], self.bounds.outputs["model_velocity_step"]
@@ -206,11 +214,11 @@ class Torques:
         return change * self.bounds.norms["command"][:, None]
 
     def state_step(self) -> Floats:
-        """Return a bound of the change, in a period, of the model's torque less that on the plan [cells n].
+        """Return a bound of the change, in a period, of the model's torque less its torque on the plan [cells n].
 
-        The part due to s is left out. The change has two parts: the model's position and velocity change, and so do its
-        derivatives `2 C` and P. The change of `2 C` is its rate along the motion at the centre, plus a remainder; the
-        change of P is bounded by columns.
+        The part due to s is left out. Two changes add up: of the state at which the model is evaluated, and of the
+        torque's derivatives `2 C` by velocity and P by position. The change of `2 C` is its rate along the motion at
+        the cell's centre, plus a remainder. The change of P is bounded by columns.
         """
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
         path, tube, cells, sums, vectors = cell.path, cell.tube, cell.path.cells, cell.sums, cell.vectors

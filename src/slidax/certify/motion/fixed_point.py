@@ -1,17 +1,18 @@
 """Error bounds along a motion as a fixed point of monotone inequalities.
 
-All joints have the same scalar loop. So a bound of the disturbance w in a norm gives a bound of every output in that
-norm. With `M = M0 + E` and `K = M⁻¹ M0` the arm obeys `ë = K (s + w) + ρ`, where w itself depends on the outputs. ρ is
-the reference's mean acceleration in a period less its actual one. The smaller of two bounds of each output is used:
+All joints have the same linear loop (joint_loop.py). So a bound of the disturbance w in a norm gives a bound of every
+output of the loop in that norm. The arm obeys `ë = K (s + w) + ρ` with `K = M⁻¹ M0` and `M = M0 + E`, the nominal and
+the true inertia. s is the law's feedback acceleration. w itself depends on the outputs. ρ is the reference's mean
+acceleration in a period less its actual one. The smaller of two bounds of each output is used:
 
 - small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
   `|M0⁻¹ E| |x|`;
-- modes: K is self-adjoint in the metric of M0, with eigenvalues κ in [1/(1+p), 1/(1-p)]. For a constant K the loop's
-  response is a function of K. A joint's bound is its nominal response, plus the largest difference from it over κ,
-  bounded in the metric. The change of K since an earlier instant counts as a further disturbance (drift).
+- modes: K is self-adjoint in the metric of M0, `‖x‖² = xᵀ M0 x`, with eigenvalues κ in [1/(1+p), 1/(1-p)]. For a
+  constant K the loop's response is a function of K. A joint's bound is its nominal response, plus the largest
+  difference from it over κ, bounded in the metric. K's change since an earlier instant counts as a disturbance (drift).
 
-A value in a cell is a bound for all instants of the cell. Values that satisfy all inequalities are bounds, since the
-inequality at a time needs only earlier outputs. docs/any-motion.md, sections 5 to 8, has the proofs.
+The motion is cut into time cells; a cell's value is a bound for all its instants. Values that satisfy all inequalities
+are bounds, as the inequality at a time needs only earlier outputs (docs/any-motion.md, sections 5 to 8, with proofs).
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ class Bounds:
     - `error`, `velocity`: bounds of |e| and |ė| [cells n].
     - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric of M0 [cells].
     - `shares`: function that computes `terms`.
-    - `disturbance`: bound of w in `ë = s + w` [cells n], without the inertial band along the motion and without a
-      disturbance torque of bounded rate; `disturbance_norm`: the same in the metric [cells].
+    - `disturbance`: bound of the parts of w of any form [cells n], and `disturbance_norm`: of their norm [cells]. Two
+      parts have a rate and are left out: the inertial band along the motion, a disturbance torque of bounded rate.
     - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
 
@@ -165,13 +166,13 @@ class Bounds:
 
 @lru_cache(maxsize=64)
 def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
-    """Return `spread_kernels`, the joint loop's kernels by output; cached, since motions share them."""
+    """Return the loop's kernels by output from `spread_kernels`; cached, since several motions use them."""
     return spread_kernels(loop, p, growth)
 
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return arrays of the kernels for the outputs in `USED`: nominal, weighted, departure and largest; cached."""
+    """Return the kernels for the outputs in `USED` as arrays; cached. `weighted` has those of κ = 1 with weights."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -184,12 +185,12 @@ def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack
 
 @lru_cache(maxsize=256)
 def tables_of(loop: JointLoop, p: float, growth: float, cell: int, count: int) -> dict[str, LagTable]:
-    """Return the kernels of `stacks_of` summed over `count` cells of `cell` periods; cached."""
+    """Return the kernels of `stacks_of` over `count` cells, each with `cell` periods; cached."""
     return {name: stack.over(cell, count) for name, stack in stacks_of(loop, p, growth).items()}
 
 
 class Problem:
-    """The inequalities for one path and one tube."""
+    """The inequalities along a motion (`path`), for deviations from it of up to `tube`."""
 
     def __init__(
         self,
@@ -388,7 +389,7 @@ class Problem:
         return Bounds(error, velocity, outputs, sizes, shares, total, total_norm)
 
     def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
-        """Return a bound of |M0⁻¹ E ë|, `E = M - M0` [cells n]: the smaller of those in the metric and by element.
+        """Return a bound of |M0⁻¹ E ë| per joint [cells n]: the smaller of those in the metric and by element.
 
         - `acceleration`: bound of |ë - ρ| per joint [cells n]; ρ as in the module's docstring.
         - `band`: bound of ‖M0⁻¹ E ë‖ [cells].
@@ -453,9 +454,7 @@ class Problem:
         return None
 
     def solve(self, start: Bounds | None, cap: float) -> Bounds:
-        """Iterate to bounds that satisfy the inequalities.
-
-        If there are none below `cap` (rad or m), the bounds returned are unverified.
+        """Iterate to bounds that satisfy the inequalities; if none are below `cap` (rad or m), return unverified ones.
 
         - `start`: bounds to start from; None for 0.
         """
@@ -496,5 +495,5 @@ def _or_next(values: Floats) -> Floats:
 
 
 def memory(loop: JointLoop) -> float:
-    """Return the time [s] after which a negligible share of the error's nominal kernel is left, as in `remembered`."""
+    """Return the time after which a disturbance has a negligible effect on the error, for κ = 1 [s] (`remembered`)."""
     return remembered(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period

@@ -1,13 +1,17 @@
 """Sliding-mode laws in sampled-data form near the reference: the nonlinear part of their plan.
 
-With the led error `y = ê_p + c v̂_p` and s⁺ = 0 a plan over the horizon H aims at `A ψ(ε)`, where ε solves
-`N ψ(ε) + H φ(ε) = y`. N and A are the envelope's scale now and at the end of the plan (docs/sampled-data.md). So the
-law is the linear loop of a `JointLoop` with the goal
+At each sample such a law plans how the led error y moves over the horizon H. `y = ê_p + c v̂_p` with the predicted
+error ê_p, its rate v̂_p, the period h and `c = H - h/2`. While the sliding variable s⁺ is 0, the plan leads from y to
+`A ψ(ε)`, where the transformed error ε solves `N ψ(ε) + H φ(ε) = y`. ψ maps ε into the envelope, and φ is the surface's
+function. N and A are the radius of y's envelope now and at the end of the plan (docs/sampled-data.md). Without an
+envelope `N = A = 1`.
 
-    g = (A ψ(ε) - θ0 y)/H²,
+So the law is the linear loop of a `JointLoop` plus an acceleration g, which the law's own prediction contains: the goal
 
-an acceleration that the law's own prediction contains. |g| grows with |y|. θ0 is `linear_share`, which is 0 with an
-envelope. Without an envelope `N = A = 1`. The share of an error bound that is due to g is its term `hand-over`.
+    g = (A ψ(ε) - θ0 y)/H².
+
+|g| grows with |y|. θ0 is `linear_share`, which is 0 with an envelope. The share of an error bound that is due to g is
+its term `hand-over`.
 """
 
 from __future__ import annotations
@@ -45,9 +49,9 @@ class HandOver:
     """The plan of a law with a sliding surface, while the sliding variable s⁺ is 0.
 
     - `step`: step of the law; `period`: h [s]; `horizon`: H [s].
-    - `share`: θ0, the share of the led error at which a plan without an envelope aims; 0 with one.
-    - `psi`: the transformation ψ(ε) on the wide and on the narrow side of the envelope [2 n M]; `phi`: the surface's
-      φ(ε) [n M]; both at M transformed errors ε >= 0, of which the first is 0.
+    - `share`: θ0 of the goal; 0 with an envelope.
+    - `psi`, `phi`: tables of ψ(ε) on the wide and on the narrow side of the envelope [2 n M], and of φ(ε) [n M]. Both
+      are for M transformed errors ε >= 0, of which the first is 0.
     """
 
     step: AbstractSurfaceStep
@@ -88,7 +92,7 @@ class HandOver:
         return cls(step, float(law.period), horizon, linear_share(step, horizon), both, phi)
 
     def along(self, cells: PathCells) -> HandOverCells:
-        """Return the plan in each cell of a motion; the law starts at time 0."""
+        """Return the plan in each time cell of a motion; the law starts at time 0."""
         n, count = len(self.phi), len(cells.q)
         transformation = self.step.transformation
         if not isinstance(transformation, PrescribedPerformance):
@@ -117,9 +121,9 @@ class HandOver:
             times = np.asarray(self.period * np.arange(2 * len(times)), float)
 
     def frames(self, n: int) -> tuple[Floats, Floats, Floats]:
-        """Return the envelope at each sample until it is settled: N, A and ϑ ρ, each [times n].
+        """Return N, A and ϑ ρ, each [times n], at each sample until the envelope has its final width.
 
-        N and A are its scale now and at the end of the plan; ϑ ρ is the width of its narrow side, inf without envelope.
+        ϑ ρ is the width of the envelope's narrow side, inf without an envelope.
 
         - `n`: number of joints.
         """
@@ -131,16 +135,17 @@ class HandOver:
 
     @property
     def covered(self) -> float:
-        """Least value of the robust torque u [N m]: at position 0, at rest, without torque; inf for a law without u."""
+        """Least value of the robust torque u, at position 0, at rest and without torque [N m]; inf without u."""
         if not isinstance(self.step, SlidingStep):
             return np.inf
         nothing = jnp.zeros(self.step.robot.joints)
         return float(self.step.bound(State(q=nothing, dq=nothing), nothing))
 
     def needed(self, torque: Floats, sliding: Floats) -> float:
-        """Return the largest share of the reaching torque, or of the integral gain, that is needed to hold s⁺ at 0.
+        """Return the share of the law's reaching torque that is needed to keep the sliding variable s⁺ at 0.
 
-        If the share is below 1, s⁺ is exactly 0.
+        It is the largest over cells and joints. For the super-twisting law it is the share of the integral gain. Below
+        1, s⁺ is exactly 0.
 
         - `torque`: bounds of |M0 s|/H [cells n], N m or N. `sliding`: bounds of |s| [cells n], rad/s or m/s.
         """
@@ -156,12 +161,12 @@ class HandOver:
     def first_sliding(self, led: Floats, velocity: Floats, along: HandOverCells) -> Floats:
         """Return a bound of the sliding variable |s| at the first sample [n], rad/s or m/s.
 
-        There s is computed from the measurement: `|s| <= |v̂| + |N - A|/(H N) |y| + φ(ε)` with `ψ(ε) = |y|/N`, where N
-        and A are the envelope's scale now and at the end of the plan, and H is the horizon.
+        At this sample the law computes s from the measurement: `|s| <= |v̂| + |N - A|/(H N) |y| + φ(ε)`, where ε solves
+        `ψ(ε) = |y|/N`. All other symbols are those of the module's docstring.
 
-        - `led`: bound of the led error |y| at the first sample [n].
-        - `velocity`: bound of |v̂|, the estimate of ė, at the first sample [n].
-        - `along`: the plan in each cell.
+        - `led`: bound of the led error |y| at the first sample [n], rad or m.
+        - `velocity`: bound of |v̂|, the law's estimate of ė, at the first sample [n], rad/s or m/s.
+        - `along`: the plan in each cell, with N and A.
         """
         shares = led / along.now[0]
         places = np.array([np.searchsorted(row, y) for row, y in zip(self.psi.min(axis=0), shares, strict=True)])
@@ -176,11 +181,9 @@ FAR = 1e4
 
 @dataclass(frozen=True, eq=False)
 class HandOverCells:
-    """The plan in each cell of a motion.
+    """The plan in each time cell of a motion.
 
-    N and A are the envelope's scale now and at the end of the plan; both are 1 without an envelope.
-
-    - `now`, `ahead`: the least N and the largest A in each cell [cells n], rad or m.
+    - `plan`: the law's plan. `now`, `ahead`: the least N and the largest A [cells n], rad or m; 1 without an envelope.
     - `room`: the least width ϑ ρ of the envelope's narrow side [cells n]; inf without an envelope.
     - `drift`: |N - A|/(H N) at the first sample [n], 1/s.
     """
@@ -192,7 +195,7 @@ class HandOverCells:
     drift: Floats
 
     def goal(self, led: Floats) -> Floats:
-        """Return a bound of |g|, the acceleration that the plan adds to the linear loop [cells n], rad/s² or m/s².
+        """Return a bound of the goal |g|, which the plan adds to the linear loop [cells n], rad/s² or m/s².
 
         - `led`: bound of the led error |y| [cells n].
 
@@ -221,9 +224,9 @@ class HandOverCells:
 
     @property
     def apart(self) -> list[tuple[Floats, Floats]]:
-        """Table of the goal for a plan without an envelope: for each joint, values y and bounds of |ψ(ε) - θ0 y|/H².
+        """Table of the goal without an envelope: for each joint, values of y and bounds of `|ψ(ε) - θ0 y|/H²`.
 
-        A bound holds up to the next y.
+        Each bound holds up to the next y.
         """
         plan, rows = self.plan, []
         for psi_row, phi_row in zip(plan.psi[0], plan.phi, strict=True):

@@ -1,13 +1,15 @@
-"""The linear loop of a joint under the law that is certified along motions, one period as linear maps.
+"""The linear loop of a joint with the law that is certified along motions; one period is a set of linear maps.
 
-The loop of docs/any-motion.md: a double integrator `ë = s + w + ρ` under a computed torque with a steady Kalman filter,
+The error e with the velocity v obeys `ë = s + w + ρ` (docs/any-motion.md). w is the disturbance, and ρ the reference's
+mean acceleration in a period less its actual one. s is the feedback acceleration of a computed torque with a steady
+Kalman filter. Its estimates are ê, v̂, ŵ; ê⁻, v̂⁻, ŵ⁻ are their predictions from the sample before:
 
     r = y - ê⁻,  ê = ê⁻ + L1 r,  v̂ = v̂⁻ + L2 r,  ŵ = ŵ⁻ + L3 r        (measurement y = e + n)
     s = -kp ê_p - kd v̂_p + g - ŵ                                        (decided D periods before it acts)
 
-where `ê_p, v̂_p` is the estimate, predicted over the delay with `s + ŵ`. g is the goal: an acceleration that the law
-itself adds, so that its prediction contains g. The sliding variable σ accumulates the deviation of v̂_p from its
-planned value, and forgets with the rate `h/H` of the law (docs/sampled-data.md):
+`ê_p, v̂_p` is the estimate, predicted over the delay with `s + ŵ`. g is the goal: an acceleration that the law itself
+adds, so that its prediction contains g. The sliding variable σ accumulates the deviation of v̂_p from its planned value.
+It decays by the factor `1 - h/H` in each period h, with the law's horizon H (docs/sampled-data.md):
 
     σ⁺ = (1 - h/H) σ + v̂_p⁺ - (v̂_p + h (s + ŵ))
 
@@ -277,10 +279,10 @@ def _feedback(law: SampledData) -> tuple[float, float, float]:
 
 
 def linear_share(step: AbstractSurfaceStep, horizon: float) -> float:
-    """Return θ0 of the plan near zero error; 0 for a law with an envelope.
+    """Return θ0, the share of a small led error that is left at the end of the law's plan; 0 with an envelope.
 
-    A plan without an envelope aims at the share θ0 of the led error y: `ψ(ε) = θ0 y` with `θ0 = 1/(1 + H φ'(0))`, the
-    mean over the joints. H is `horizon` [s].
+    A plan without an envelope leads from the led error y to ψ(ε), near y = 0 to `θ0 y` with `θ0 = 1/(1 + H φ'(0))`, the
+    mean over the joints. φ is the surface's function of the transformed error ε, and H the `horizon` [s].
     """
     if not isinstance(step.transformation, Unconstrained):
         return 0.0
@@ -305,8 +307,9 @@ def equal_gain(name: str, values: object, remedy: str) -> float:
 class PeriodMaps:
     """One period of the loop as linear maps of the state x, measurement error n, disturbance w and goal g.
 
-    `x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g`, `y = outputs x + direct n + goal_direct g`. The outputs y are in
-    the order of `OUTPUTS`. g belongs to the command that is decided in the period.
+    `x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g` with the time τ from 0 to 1 in the period, and
+    `y = outputs x + direct n + goal_direct g` with the outputs y in the order of `OUTPUTS`. The state x is that of the
+    module's docstring. g belongs to the command that is decided in the period.
     """
 
     step: Floats

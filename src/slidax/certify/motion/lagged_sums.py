@@ -1,4 +1,8 @@
-"""Convolutions of kernels with bounds that are constant in cells of time."""
+"""Convolutions of kernels with inputs of which each time cell has a bound.
+
+A kernel is an output's largest response to a unit input at each lag, the input's age (loop_kernels.py). Here kernels
+are summed over time cells of equal length, and multiplied by the bounds of the input in these cells.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +21,10 @@ NEGLIGIBLE = 2e-4
 
 @dataclass(frozen=True, eq=False)
 class Lags:
-    """Weights of past cells for several outputs, [J + 1 outputs].
+    """Kernels of several outputs, summed over cells: weights [J + 1 outputs].
 
-    Row j < J weighs the value of j cells ago. The last row weighs the largest value of the whole motion, in place of
-    all cells further back.
+    Row j < J weighs the input's bound of j cells ago. The last row weighs the largest bound of the whole motion, in
+    place of all cells further back.
     """
 
     weights: Floats
@@ -38,11 +42,13 @@ class Lags:
         return Lags(self.weights[:, which : which + 1])
 
     def past(self, values: Floats) -> Floats:
-        """Return `Σ_j weights_j values_{m-j}` for each cell m, [cells k outputs], from values [cells k].
+        """Return the outputs' bounds `Σ_j weights_j values_{m-j}` for each cell m [cells k outputs].
 
-        Take an instant in cell m, and another one between j and j+1 cell lengths before. The other one lies in cell m-j
-        or m-j-1, so that the larger value counts. Before the first cell, the first cell's value stands. The last cell
-        stands for all later times: its sum covers any order of the values in its past.
+        An instant between j and j+1 cell lengths before another one in cell m lies in cell m-j or m-j-1. So the larger
+        of the two values counts. The first cell's value also holds before that cell. The last cell is for all later
+        times: its sum is a bound for any order of the values before.
+
+        - `values`: bounds of k inputs in each cell [cells k].
         """
         both = np.maximum(values, np.concatenate([values[:1], values[:-1]]))
         sums = self._sums(both, values[:1], values.max(axis=0))
@@ -52,11 +58,12 @@ class Lags:
         return sums
 
     def past_change(self, rates: Floats, sizes: Floats) -> Floats:
-        """Return `Σ_j weights_j sizes_{m-j} rate_j` for each cell m, [cells k], for one output.
+        """Return the bound of one output's response to an input times a matrix's change since then [cells k].
 
-        rate_j is the largest rate from cell m-j to cell m. Between cells, values are taken as in `past`.
+        It is `Σ_j weights_j sizes_{m-j} rate_j` for cell m. rate_j is the largest rate from cell m-j to cell m, and the
+        weights contain the input's age. Of two neighbouring cells the larger size counts, as in `past`.
 
-        - `rates`: [cells k]; `sizes`: [cells].
+        - `rates`: rates of the matrix's k rows [cells k]; `sizes`: bounds of the input [cells].
         """
         weights, count = self.weights[:, 0], len(self.weights) - 1
         older = np.maximum(np.arange(len(sizes))[:, None] - np.arange(count + 1), 0)
@@ -69,9 +76,11 @@ class Lags:
         return np.asarray(sums + weights[count] * sizes.max() * rates.max(axis=0))
 
     def since(self, sizes: Floats) -> Floats:
-        """Return `Σ_j weights_j sizes_{m-j}` for each cell m [cells k outputs]: the response to steps since cell 0.
+        """Return the bounds of the response to steps of the inputs in any cells [cells k outputs].
 
-        - `sizes`: sizes of the steps in each cell [cells k].
+        They are `Σ_j weights_j sizes_{m-j}` for cell m; there is no step before the first cell.
+
+        - `sizes`: sizes of the steps of k inputs in each cell [cells k].
         """
         return self._sums(sizes, np.zeros_like(sizes[:1]), sizes.sum(axis=0))
 
@@ -90,7 +99,7 @@ class Lags:
 
 @dataclass(frozen=True, eq=False)
 class LagTable:
-    """The kernels of `LoopKernel` over cells, for all outputs that the inequalities need."""
+    """Kernels over cells: the fields of `LoopKernel` as `Lags`, each for the outputs of a `KernelStack`."""
 
     any_form: Lags
     ramp: Lags
@@ -110,7 +119,7 @@ STEPS = ("step", "start_error", "start_speed", "start_miss")
 
 @dataclass(frozen=True, eq=False)
 class KernelStack:
-    """Kernels of several outputs as arrays [L kinds outputs].
+    """Kernels of several outputs as arrays [L kinds outputs], for L lags and the kinds of input of `LoopKernel`.
 
     - `summed`: the kinds in `SUMMED`, which are summed over a cell. `steps`: the kinds in `STEPS`, whose largest value
       in a cell counts. `beyond`: as in `LoopKernel` [outputs].
@@ -130,7 +139,7 @@ class KernelStack:
         return cls(summed, steps, np.array([kernel.beyond for kernel in kernels]))
 
     def over(self, cell: int, count: int) -> LagTable:
-        """Return the kernels over cells of `cell` periods, with lags beyond `count` cells in the last row."""
+        """Return the kernels over `count` cells of `cell` periods each; the last row of `Lags` has all longer lags."""
         summed, steps = _summed(self.summed, cell, count), _largest(self.steps, cell, count)
         lags = {kind: Lags(np.ascontiguousarray(summed[:, i])) for i, kind in enumerate(SUMMED)}
         lags |= {kind: Lags(np.ascontiguousarray(steps[:, i])) for i, kind in enumerate(STEPS)}
@@ -157,6 +166,6 @@ def _largest(values: Floats, cell: int, count: int) -> Floats:
 
 
 def remembered(kernel: LoopKernel) -> int:
-    """Return the number of periods after which less than the share `NEGLIGIBLE` of a kernel is left."""
+    """Return the lag from which on a kernel's sum is at most the share `NEGLIGIBLE` of its whole sum [periods]."""
     left = np.cumsum(kernel.any_form[::-1])[::-1]
     return int(np.count_nonzero(left > NEGLIGIBLE * left[0])) + 1

@@ -1,4 +1,8 @@
-"""Conditions under which a certified law equals its linear loop: gate, limits on estimates, s⁺ = 0, and envelope."""
+"""Conditions under which a certified law equals its linear loop.
+
+The measurement gate accepts each sample, no limit on the law's estimates acts, the sliding variable s⁺ is 0, and the
+error is inside the envelope.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +20,11 @@ from .tracking_bound import CertifiedPath
 def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     """Return two assumptions: the gate accepts each sample, and no limit on the law's estimates acts.
 
-    The value of each is the largest share of a limit that is used. Below 1 the assumption is proved, else assumed.
+    The value of each is the largest ratio of a bound to its limit. Below 1 the assumption is proved, else assumed.
 
     The gate (`MeasurementGate`) may reject a position for three reasons: it is out of range; it is too far from the
-    last one; or it equals the two before while the law predicts a travel, which is at most the innovation.
+    last one; or it repeats the two before although the law predicts that the joint moves. In the last case the
+    predicted travel is at most the innovation, the difference of measurement and prediction.
     """
     gate, h, n = law.gate, law.loop.period, law.arm.joints
     q_max, speed, acceleration, spread = (
@@ -54,9 +59,9 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
 def plan_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     """Return the assumptions about a law with a sliding surface; none for another law.
 
-    They are: the sliding variable stays at 0, the robust torque u exceeds the estimated disturbance, and the error
-    stays inside the envelope. The value of each is the largest share of a limit that is used. Below 1 the assumption is
-    proved, else it fails.
+    They are: the sliding variable stays at 0, the robust torque u exceeds the torque that compensates the estimated
+    disturbance, and the error stays inside the envelope. The value of each is the largest ratio of a bound to its
+    limit. Below 1 the assumption is proved, else it fails.
     """
     plan, along = law.hand_over, certified.solution.problem.hand_over
     if plan is None or along is None:

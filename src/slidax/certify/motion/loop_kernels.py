@@ -1,6 +1,7 @@
-"""Worst-case kernels of one joint's linear loop: the largest response, per lag, to inputs of known size only.
+"""Kernels of one joint's linear loop: the largest response of an output, at each lag, to an input of size 1.
 
-Inside this module the unit of time is the period.
+The lag is the input's age in periods. A kernel's sum over all lags, times a bound of the input, bounds the output for
+every input within its bound. Inside this module the unit of time is the period.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ LONGEST = 2**15
 
 @dataclass(frozen=True)
 class LoopKernel:
-    """Largest size of an output at each lag, in SI units; each [L lags], or [L outputs] for several outputs.
-
-    A lag is a number of periods. Each kernel is for one kind of input:
+    """Kernels of an output for each kind of input, in SI units: [L] for L lags, or [L outputs] for several outputs.
 
     - `any_form`: an acceleration w of size 1, of any form within and between periods.
-    - `ramp`: a continuous w with a rate of size 1. Add `beyond` times the size of w to the response.
+    - `ramp`: a continuous w with a rate of size 1.
+    - `beyond`: factor on the size of w, whose product is to be added to the response to a ramp: w's effect within the
+      period itself.
     - `step`: a w that is 1 from some time on.
     - `pulse`: a position pulse of size 1 in each period.
     - `noise`: a measurement error of size 1 at each sample.
@@ -93,9 +94,9 @@ def loop_kernels(loop: JointLoop) -> dict[str, LoopKernel]:
 def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, Spread]:
     """Return the kernels by output, over ratios κ of nominal to true inertia from 1/(1 + p) to 1/(1 - p).
 
-    Responses are computed for a grid of ratios. Between two neighbours a response departs from its chord by at most
-    Δκ²/8 times its second derivative by κ (`_bend`). This share is added to the last lag of kernels that are summed,
-    and to all lags of the others.
+    Responses are computed for a grid of ratios. Between two neighbours, Δκ apart, a response departs from its chord by
+    at most Δκ²/8 times its second derivative by κ (`_bend`). This bound is added to the last lag of kernels that are
+    summed over lags, and to all lags of the others (`step`, `start_error`, `start_speed`, `start_miss`).
 
     - `growth`: rate of the weight `exp(growth (k + 1) h)` of lag k in `departure` and `largest` [1/s].
 
@@ -117,9 +118,9 @@ def spread_kernels(loop: JointLoop, p: float, growth: float = 0.0) -> dict[str, 
 def bare_kernels(
     loop: JointLoop, p: float, growth: float, length: int, *, rest: bool = False
 ) -> dict[str, dict[str, LoopKernel]]:
-    """Return the kernels of `spread_kernels` without the share between two ratios, by kind and by output.
+    """Return the kernels of `spread_kernels` at the computed ratios alone, by field of `Spread` and by output.
 
-    The kinds are `nominal`, `departure` and `largest`.
+    So they lack the bound for ratios between two computed ones.
 
     - `length`: periods after which the kernels are truncated.
     - `rest`: True for the bound of the truncated part alone, in the last lag; False for the kernels without it.

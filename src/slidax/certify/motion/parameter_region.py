@@ -1,10 +1,10 @@
 """Regions of inertial parameters around the nominal arm, as a bound along a motion needs them.
 
-Three statements on the error of the parameters hold at once:
+M and M0 are the true and the nominal inertia matrix. Three statements on the error of the parameters hold at once:
 
 1. the band: `(1 - p) M0(q) <= M(q) <= (1 + p) M0(q)` for every q;
 2. the cover: `-C_b <= ΔJ_b <= C_b` for the pseudo-inertia of each body b, and a bound of |ΔR_i| for each rotor;
-3. the ellipsoid, if there is one: the error is `ξ D` with |ξ| <= 1.
+3. the ellipsoid, if there is one: the error is `ξ D` for a matrix D and a row ξ with |ξ| <= 1.
 
 The ellipsoid gives exact bounds of torques at one state. The cover is less tight, and bounds the small remainders of
 Taylor's theorem.
@@ -96,8 +96,8 @@ class BodyBand:
 def identified_region(arm: Articulated, band: Band) -> ParameterRegion:
     """Return the region of an identified arm.
 
-    Combinations of parameters that affect no torque are free. They are chosen by least squares, so that the deviations
-    are small relative to the bodies. This makes the cover small, which is a bound per body.
+    Combinations of parameters that affect no torque are free. They are chosen by least squares, so that the errors are
+    small relative to the bodies' parameters. So the cover, which has a bound for each body, is small.
 
     - `arm`: the identified arm, which is the nominal arm. `band`: p and the ellipsoid of its parameters' errors.
 

@@ -1,14 +1,15 @@
-"""Uncertainty sets of link masses, rotors and the like, as a region of the true arm's inertial parameters.
+"""Uncertainty sets of masses, inertias and rotors, as a region of the true arm's inertial parameters.
 
-The inertial parameters φ are affine in masses, in inertias about fixed centres, and in rotors. So over a box of such
-values `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k per value. A row that only adds mass
-has `M(D_k) >= 0` for every q. If all rows do,
+The inertial parameters φ are affine in masses, in inertias about fixed centres, and in rotor inertias. So over a box of
+such values `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k for each value. Let M(D) and J(D)
+be the inertia matrix and a body's pseudo-inertia for the parameters D, and ΔM and ΔJ_b their errors. A row that only
+adds mass has `M(D_k) >= 0` for every q. If all rows do,
 
 1. `-M(Σ D_k) <= ΔM <= M(Σ D_k)`, so that one p holds for all rows together;
 2. `-Σ J(D_k) <= ΔJ_b <= Σ J(D_k)` for each body;
 3. `Σ ξ_k D_k` is in the ellipsoid of the rows `D_k/√w_k` with `Σ w_k = 1`, since `Σ w_k ξ_k² <= 1`.
 
-`w_k` is in proportion to the size of D_k. So a row that is split into equal parts counts as one row, and an empty row
+`w_k` is in proportion to the size of D_k. So a row that is split into equal parts counts as one row, and a row of zeros
 does not count.
 """
 
@@ -54,7 +55,8 @@ ROUNDING = 1e-9
 def numbers_regions(scenario: Scenario, arm: Articulated, plant: Plant) -> list[ParameterRegion]:
     """Return the regions of the true arm's uncertainty sets and of its known difference from the nominal arm.
 
-    The sum of all regions contains the true arm. The list is empty if the true arm is the nominal arm.
+    The true arm's parameter error is a sum of errors, one from each region (`joined_regions`). The list is empty if the
+    true arm is the nominal arm.
 
     - `arm`: the nominal arm. `plant`: the plant; its values may be any in the sets.
 

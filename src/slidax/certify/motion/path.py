@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 class Path:
     """The nominal arm at the centre of each time cell of a motion, and the region of the true arm's parameters.
 
-    Nothing here depends on the tube of deviations around the motion. X has the positions of body points, whose Jacobian
+    All values are for the motion itself, without deviations from it. X has the positions of body points, whose Jacobian
     is `Y = ∂X/∂q` (body_points.py).
 
     - `bodies`: the nominal arm. `region`: region of the inertial parameters. `cells`: the motion.
@@ -56,7 +56,7 @@ class Path:
 
     @cached_property
     def root(self) -> Floats:
-        """`G⁻ᵀ` with `M0 = G Gᵀ` [cells n n]; its columns are orthonormal in the metric of M0."""
+        """`G⁻ᵀ` with `M0 = G Gᵀ` [cells n n]; for its columns x and y, `xᵀ M0 y` is 1 or 0."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2))
 
     @cached_property
@@ -117,7 +117,7 @@ class Path:
 
     @cached_property
     def cover_norms(self) -> PointNorms:
-        """Norms of derivatives of the cover's points at the centres, as `PointNorms.of` computes them for a cover."""
+        """Norms of derivatives of the cover's points at the centres; they bound products with errors ΔJ, too."""
         return PointNorms.of(self, self.cover, self.cover_moments, cover=True)
 
     @cached_property

@@ -35,8 +35,8 @@ class PathCells:
     - `q`, `dq`, `ddq`, `dddq`: the motion at the centre of each cell [cells n].
     - `speed`, `acceleration`, `jerk`: bounds of |dq|, |ddq| and |dddq| over each cell [cells n].
     - `jump`: sum of the sizes of the acceleration's jumps in each cell [cells n].
-    - `pulse`: largest difference, over the periods of a cell, between the reference's change of position in the period
-      and the change that the period's mean acceleration gives [cells n], rad or m.
+    - `pulse`: error of the position after a period if the reference had its mean acceleration throughout that period;
+      the largest over the cell's periods [cells n], rad or m.
     - `pieces`: the motion itself.
     - `until`: end of the last cell for a motion without an end [s]. None for a motion that ends at rest: then the last
       cell stands for all later times.
@@ -134,7 +134,10 @@ class AbstractPieces(ABC):
 
     @abstractmethod
     def jumps(self, count: int, length: float) -> Floats:
-        """Return the sum of the acceleration's jumps in each cell [cells n], for `count` cells of `length` [s]."""
+        """Return the sum of the sizes of the acceleration's jumps in each cell [cells n], rad/s² or m/s².
+
+        - `count`, `length`: number of cells, and their length [s].
+        """
 
     @abstractmethod
     def sizes(self, ticks: Floats, per_cell: int) -> list[Floats]:

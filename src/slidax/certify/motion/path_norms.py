@@ -30,8 +30,8 @@ class PointNorms:
     - `coriolis`, `coriolis_rate`: norms of `2 YᵀẎ` and of its rate [cells].
     - `slopes`, `turning`: Frobenius norms of `∂_j Y` and `Yᵀ ∂_j Y` for each joint j [cells n].
     - `slopes_norm`, `turning_norm`: bounds of `‖Σ_j v_j ∂_j Y‖` and `‖Σ_j v_j Yᵀ ∂_j Y‖` over all v of norm 1 [cells].
-    - `outer`: for each joint k, a bound of ‖Y x‖ over ‖x‖ = 1 with only the columns of k and of the joints that it
-      carries [cells n].
+    - `outer`: for each joint k, a bound of ‖Y_k x‖ over ‖x‖ = 1 [cells n]. Y_k has the columns of Y for k and for the
+      joints that k carries, and is 0 elsewhere.
     - `own`: ‖∂_k X‖ of each joint k [cells n].
     - `force`, `bend`: norms of `Ẍ - g` and of `X⃛ - Y q⃛` over the points of each body [cells n].
     """
@@ -54,9 +54,10 @@ class PointNorms:
     def of(cls, path: Path, points: PointMotion, moments: PointMoments, *, cover: bool = False) -> PointNorms:
         """Compute the norms at the centres of a path's cells.
 
-        - `points`: motion of the points. `moments`: inner products for the same points.
-        - `cover`: True for the points of a cover, which bound errors `-C <= ΔJ <= C`. Then the norm of a product is
-          bounded by the product of the norms: an inner product with ΔJ may be larger than that with C.
+        - `path`: the motion's cells. `points`: motion of the points. `moments`: inner products for the same points.
+        - `cover`: True for the points of a cover, which bound errors `-C <= ΔJ <= C` of pseudo-inertias. Then each
+          norm of a product is replaced by the product of the norms, since inner products with ΔJ may exceed those with
+          C.
         """
         root, pairs = path.root, path.pairs
         y = points.columns[0]
@@ -91,7 +92,7 @@ class PointNorms:
 
 
 def by_body(points: Floats) -> Floats:
-    """Return the norm over the points of each body [cells n ...].
+    """Return for each body the norm of the values at its four points [cells n ...].
 
     - `points`: values for the D = 12 n coordinates of all points [cells D ...].
     """
@@ -111,11 +112,12 @@ def spectral_norm(a: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class JointPairs:
-    """Pairs (j, k) of joints, for the second derivatives of points X by joint positions.
+    """Pairs (j, k) of joints, for the second derivatives `∂_j∂_k X` of points X by joint positions.
 
-    If one joint carries the other, `∂_j∂_k X = z_inner × ∂_outer X`, with the joints' axes z; else it is 0.
+    If one joint carries the other, `∂_j∂_k X = z_inner × ∂_outer X`, with the joints' axes z. Otherwise it is 0.
 
-    - `inner`, `outer`: the smaller and the larger index of each pair [n n].
+    - `inner`, `outer`: the smaller and the larger index of each pair; a joint has a larger index than those that carry
+      it [n n].
     - `known`: 1 where one joint carries the other, else 0 [n n].
     """
 
@@ -136,7 +138,7 @@ class JointPairs:
 
 @dataclass(frozen=True, eq=False)
 class PointMoments:
-    """Inner products of the fields `z_a × ∂_k X`, for the points X and the axis z_a of each joint a.
+    """Inner products of the vectors `z_a × ∂_k X` over all points X, with the axis z_a of each joint a.
 
     - `slopes_products`: `(z_a × ∂_k X) · (z_b × ∂_l X)` [cells a k b l].
     - `slopes_columns`: `(z_a × ∂_k X) · ∂_l X` [cells a k l].

@@ -1,7 +1,8 @@
-"""Suprema along a motion, for every instant of its cells and every arm position within a tube around it.
+"""Suprema along a motion, for every instant of its time cells and every arm state within a tube around it.
 
-All norms are taken in the metric of M0 at the actual position, `‖x‖² = xᵀ M0(q) x`. Values between the centres of the
-cells are not sampled: path_tube.py bounds the change of each quantity over a cell and the tube.
+The tube has the largest deviations from the motion (`Tube`). All norms are taken in the metric of the nominal inertia
+M0 at the actual position, `‖x‖² = xᵀ M0(q) x`. Values between the centres of the cells are not sampled: path_tube.py
+bounds the change of each quantity over a cell and the tube.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Suprema:
-    """Bounds in each cell, for all times in it and all arm positions in the tube. Norms are in the metric of M0.
+    """Bounds in each cell, for all times in it and all arm states in the tube. Norms are in the metric of M0.
 
     M0 and C are the nominal inertia and Coriolis matrix, `E = M - M0` and `Δn` the errors of the inertia matrix and of
-    the Coriolis torque with gravity. s is the law's feedback acceleration.
+    the Coriolis torque with gravity. s is the law's feedback acceleration. The band is the uncertainty of the inertial
+    parameters.
 
     - `conversion`: `√(M0⁻¹)_ii`, the largest coordinate i of a vector of norm 1 [cells n].
     - `inverse`, `inertia`: |M0⁻¹| and |M0| by element [cells n n].
-    - `growth`: rate at which the norm of a constant vector grows [cells], 1/s.
+    - `growth`: relative rate at which the norm of a constant vector grows, since M0 changes [cells], 1/s.
     - `slide`: norm of the rate of `M0⁻¹ E` [cells], 1/s.
     - `coriolis`: norm of `M0⁻¹ 2 C(q, q̇)` [cells]; `coriolis_rows`: norms of its rows [cells n]; `coriolis_entries`:
       its size by element [cells n n].
@@ -35,17 +37,17 @@ class Suprema:
       E [cells n].
     - `stiffness`, `stiffness_entries`: norm [cells] and size by element [cells n n] of `M0⁻¹ P`, with P the derivative
       of the inverse dynamics by q, without the share of s.
-    - `per_command`: share of s in P: norm of column j, per norm of s [cells n].
+    - `per_command`: norm of column j of the share of s in P, for s of norm 1 [cells n].
     - `band`: norm of the band's disturbance `M0⁻¹ (E q̈_d + Δn)` along the motion [cells]; `band_joints`: its size per
       joint [cells n]; `band_rate`: norm of its rate, without jumps of the acceleration [cells].
     - `band_tube`: norm of the change of `M0⁻¹ (E q̈_d + Δn)` from the motion to the arm's state in the tube [cells].
     - `band_torque`: |E q̈_d + Δn| per joint along the motion [cells n]; `torque_rate`: its rate without jumps
       [cells n]; `torque_jump`: the sum of its jumps [cells n].
     - `band_error`, `band_relative`: |E| and |M0⁻¹ E| by element [cells n n].
-    - `held`: norm of the disturbance by travel within a period, without the part that is odd about the middle of the
-      period [cells]; `odd`: rate of the odd part [cells].
-    - `reference`: norm of the disturbance that arises since the law plans each period with its mean acceleration, in
-      place of the reference's [cells].
+    - `held`: norm of the disturbance that arises since the arm moves within a period while the model's state is fixed
+      [cells]. A part that is odd in time about the period's middle is left out; `odd`: the rate of that part [cells].
+    - `reference`: norm of the disturbance that arises since the law uses the reference's mean acceleration in each
+      period [cells].
     """
 
     conversion: Floats

@@ -1,9 +1,10 @@
 """Bounds of the arm's inertia, Coriolis matrix and their derivatives over the cells of a motion and a tube around it.
 
-X(q) has the positions of body points, and `Y = ∂X/∂q` is their Jacobian (body_points.py). Each quantity is exact at the
-centre of a cell. Its change over the cell and the tube is bounded by Taylor's theorem. The first terms have the
-derivatives of Y along the motion, exact at the centre. The remainder is bounded by `‖∂_i … ∂_k Y x‖ <= B_k ‖x‖`, with k
-the outermost joint of the derivative (body_points.py).
+The motion is cut into short time cells, and the tube has the largest deviations of the arm from it. X(q) has the
+positions of body points, and `Y = ∂X/∂q` is their Jacobian (body_points.py). Each quantity is exact at the centre of a
+cell. Its change over the cell and the tube is bounded by Taylor's theorem. The first terms have the derivatives of Y
+along the motion, exact at the centre. The remainder is bounded by `‖∂_i … ∂_k Y x‖ <= B_k ‖x‖`, with k the outermost
+joint of the derivative and a factor B_k for each joint (`_outer`).
 """
 
 from __future__ import annotations
@@ -59,14 +60,15 @@ class PointCell:
 
     `Y = ∂X/∂q` is the Jacobian of the points. Norms are in the metric of M0 at the cell's centre, one value per cell.
 
-    - `half`: half the length of a cell plus half a period, since the model is evaluated up to half a period away.
-    - `size`, `whole`: norm of Y at the centre, and over cell and tube.
+    - `half`: half the length of a cell plus half a period, since the law evaluates its model up to half a period before
+      or after the cell.
+    - `size`, `whole`: norm of Y at the centre, and its bound over cell and tube.
     - `first`, `second`, `third`: norms of Y's time derivatives along the motion.
     - `drift`, `along`: norm of the change of Y by the tube, and over cell and tube together.
 
-    `Cell` sets these fields:
+    `Cell` sets these fields. The actual metric is that of M0 at the arm's position:
 
-    - `grown`: factor that bounds a vector's norm at the centre by its norm in the actual metric.
+    - `grown`: bound of the ratio of a vector's norm at the centre to its norm in the actual metric, or the reverse.
     - `jump`, `jerk`: norms of the acceleration's jumps and of the jerk in the actual metric; `reach`: norm of Y in the
       actual metric.
     """
@@ -224,36 +226,36 @@ class PointCell:
         return self.half * self.sums(self.speed, speed) + self.sums(self.tube.position, speed)
 
     def sums(self, *each: Floats) -> Floats:
-        """Return `Σ B_max(i, …, k) a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` for ‖x‖ = 1.
+        """Return a bound of `‖Σ a_i … b_k ∂_i … ∂_k Y x‖` over all x of norm 1 [cells]: `Σ B_max(i, …, k) a_i … b_k`.
 
-        - `each`: factors a, …, b, such as bounds of |q̇|, each [cells n]. B is `outer`.
+        - `each`: factors a, …, b, such as bounds of |q̇|, each [cells n]. B_k is `outer`.
         """
         return _sums(self.outer, each)
 
     def vectors(self, *each: Floats) -> Floats:
-        """Return `Σ ‖∂_max(i, …, k) X‖ a_i … b_k` [cells], a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖`.
+        """Return a bound of `‖Σ a_i … b_k ∂_i … ∂_k X‖` [cells]: `Σ ‖∂_max(i, …, k) X‖ a_i … b_k`.
 
         - `each`: factors a, …, b, such as bounds of |q̇|, each [cells n].
         """
         return _sums(self.own, each)
 
     def sums_each(self, *each: Floats) -> Floats:
-        """Return `sums` with a further factor: the unit vector of each joint in turn [cells n]."""
+        """Return for each joint the value of `sums` with the joint's unit vector as a further factor [cells n]."""
         return _sums_each(self.outer, each)
 
     def vectors_each(self, *each: Floats) -> Floats:
-        """Return `vectors` with a further factor: the unit vector of each joint in turn [cells n]."""
+        """Return for each joint the value of `vectors` with the joint's unit vector as a further factor [cells n]."""
         return _sums_each(self.own, each)
 
 
 class Cell(PointCell):
     """Bounds for the nominal arm over each cell and the tube.
 
-    - `shift`: norm of M0's change from the centre, relative to M0 there; `rest`: the same without the share of Ṁ0 at
-      the centre.
-    - `inflated`: factor that bounds a bilinear form's norm in the actual metric by its norm at the centre.
-    - `diagonal`, `weight`: √(M0)_ii at the centre, and its largest value [cells n].
-    - `inertia`: |M0| by element [cells n n].
+    - `shift`: bound of M0's relative change from the centre, in norm [cells]; `rest`: its part of second order, and
+      that by the tube [cells]. The other part is due to Ṁ0 at the centre.
+    - `inflated`: bound of the ratio of a bilinear form's norm in the actual metric to its norm at the centre [cells].
+    - `diagonal`, `weight`: √(M0)_ii at the centre, and its bound over cell and tube [cells n].
+    - `inertia`: bound of |M0| by element over cell and tube [cells n n].
     - `cover`: bounds for the points of the region's cover.
     """
 

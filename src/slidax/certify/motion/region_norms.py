@@ -1,13 +1,13 @@
 """Suprema over a parameter region at the centres of a motion's cells.
 
 M0 and n0 are the nominal inertia matrix and Coriolis torque with gravity; `E = M - M0` and `Δn = n - n0` are the
-errors. The torque `T = E q̈ + Δn` is linear in the error of the parameters.
+errors. The torque error `T = E q̈ + Δn` is linear in the error of the parameters. The smaller of two bounds is used, for
+the two descriptions of a region (parameter_region.py):
 
-- Over the ellipsoid `T = A ξ`. So `|T|_i <= |A_i|`, and `‖M0⁻¹ T‖ <= ‖Gᵀ A‖` with `M0⁻¹ = G Gᵀ`. A matrix `Σ ξ_r B_r`
-  has at most the norm of all B_r side by side.
-- Over the cover, T is at most `Σ_b ‖Y_b x‖ ‖F_b‖` in the direction x.
-
-The smaller of the two bounds is used.
+- Over the ellipsoid `T = A ξ` with |ξ| <= 1. So `|T|_i <= |A_i|`, and `‖M0⁻¹ T‖ <= ‖Gᵀ A‖` with `M0⁻¹ = G Gᵀ`. A matrix
+  `Σ ξ_r B_r` has at most the norm of all B_r side by side.
+- Over the cover `|xᵀ T| <= Σ_b ‖Y_b x‖ ‖F_b‖`. For body b's points in the cover, Y_b is their Jacobian, and F_b their
+  acceleration less gravity.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ CHUNK = 32
 class RegionNorms:
     """Suprema over all arms of a parameter region, at the centres of cells; norms are in the metric of M0 there.
 
-    `E = M - M0` and `Δn` are the errors of the inertia matrix and of the Coriolis torque with gravity, and
-    `T = E q̈ + Δn` is the torque that they need along the motion.
+    The symbols are those of the module's docstring; T is taken along the motion.
 
     - `torque`, `joints`: |T|_i and |M0⁻¹ T|_i [cells n]; `force`: norm of M0⁻¹ T [cells].
     - `rate`: norm of M0⁻¹ times the rate of T without `E q⃛` [cells]; `torque_rate`: that rate per joint [cells n].
@@ -100,7 +99,7 @@ class RegionNorms:
 
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
-    """Return the suprema over the region's ellipsoid, by field name of `RegionNorms`."""
+    """Return the suprema over the ellipsoid of the path's region, by field name of `RegionNorms`."""
     # All cells at rest after the motion have the same suprema.
     cells, count = path.cells, path.cells.moving + 1
     parts = [_over_ellipsoid(path, slice(start, min(start + CHUNK, count))) for start in range(0, count, CHUNK)]

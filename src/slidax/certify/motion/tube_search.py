@@ -1,6 +1,7 @@
 """Search for error bounds along a motion, with a tube that contains them.
 
-The suprema hold in a tube around the motion. So the bounds computed from them hold if they stay inside that tube.
+A tube has largest deviations from the motion (`Tube`). The bounds are computed from suprema of the model errors over a
+tube (`Suprema`). So they are valid if the deviations that they allow stay inside that tube.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ WIDE, WIDE_TUBES = 1.25, 2
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Error bounds along a path, and the inequalities that they satisfy in the last tube."""
+    """Error bounds along a motion, and the inequalities of the last tube, which verified bounds satisfy."""
 
     bounds: Bounds
     problem: Problem
@@ -38,12 +39,13 @@ class Solution:
 def bounds_along(
     loop: JointLoop, path: Path, inputs: Inputs, *, cap: float = 0.05, hand_over: HandOverCells | None = None
 ) -> Solution | None:
-    """Return the bounds along a path, verified in a tube that contains them.
+    """Return error bounds along a motion, verified in a tube that contains them.
 
     If the search finds no verified bounds below `cap`, it returns unverified ones. The result is None if the inertia
-    changes too much within a cell, or faster than the loop settles.
+    changes too much within a time cell, or faster than the loop settles.
 
-    - `loop`: the linear loop of every joint. `inputs`: bounds of friction, disturbance, noise and start.
+    - `loop`: the linear loop of every joint. `path`: the arm along the motion.
+    - `inputs`: bounds of friction, disturbance, noise and start.
     - `cap`: largest error bound of the search, rad or m.
     - `hand_over`: the nonlinear part of the law in each cell; None for a linear law.
     """
@@ -126,7 +128,9 @@ def _ahead(values: list[float]) -> float:
 
 
 def tube_of(bounds: Bounds, path: Path, h: float, at: Suprema) -> Tube:
-    """Return the smallest tube that contains the arm, and the state at which the model is evaluated, within the bounds.
+    """Return the smallest tube that contains all states that the bounds allow.
+
+    These are the states of the arm, and those at which the law evaluates its model.
 
     - `h`: period [s]. `at`: suprema from which the bounds were computed.
     """

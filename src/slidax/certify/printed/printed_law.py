@@ -1,4 +1,8 @@
-"""Sliding-mode laws in the form that the paper prints, and the assumptions of certificates in continuous time."""
+"""Sliding-mode laws in the form that the paper prints, and the assumptions of certificates in continuous time.
+
+The printed form is the torque of (41) to (45) and (51) in continuous time. The other form, sampled data, plans the
+torque over a period.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +48,7 @@ class PowerSurface:
 
 @dataclass(frozen=True)
 class PrintedLaw:
-    """A scenario's law in the form that the paper prints, with the quantities that its certificates need."""
+    """A scenario's law in printed form, with the functions and parameters that its certificates need."""
 
     scenario: Scenario
     law: SlidingMode

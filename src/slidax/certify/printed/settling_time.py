@@ -23,9 +23,9 @@ PIECES = 4000
 
 
 def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.inf, lower: float = 0.0) -> float:
-    """Return `∫ dx/(a x^p + b x^q)` from `lower` to `upper` for `p < 1 < q`, the time by `ẋ = -(a x^p + b x^q)`, s.
+    """Return the time in which `ẋ = -(a x^p + b x^q)` moves x from `upper` to `lower`, for `p < 1 < q` [s].
 
-    With `m = (1-p)/(q-p)` and `y = (b/a) x^(q-p)` it is, from 0 to X,
+    It is `∫ dx/(a x^p + b x^q)`. With `m = (1-p)/(q-p)` and `y = (b/a) x^(q-p)` the integral from 0 to X is
 
         Γ(m) Γ(1-m) / (a (q-p)) · (a/b)^m · I_{y/(1+y)}(m, 1-m),
 
@@ -59,8 +59,9 @@ def two_power_time(a: float, p: float, b: float, q: float, upper: float = math.i
 def passage_time_bound(phi: Callable[[Floats], Floats], upper: float, lower: float, weight: Any = None) -> float:
     """Return an upper bound of `∫ w(x) dx/f(x)` from `lower` to `upper`, for an increasing f.
 
-    The range is divided into pieces from x₀ to x₁ with the same x₁/x₀. On a piece f is at least f(x₀), so that it adds
-    at most `(W(x₁) - W(x₀))/f(x₀)`, with W the integral of `w >= 0`.
+    For `w = 1` this is the time in which `ẋ = -f(x)` moves x from `upper` to `lower`. The range is divided into pieces
+    from x₀ to x₁ with the same x₁/x₀. On a piece f is at least f(x₀), so that it adds at most `(W(x₁) - W(x₀))/f(x₀)`,
+    with W the integral of `w >= 0`.
 
     - `phi`: f, increasing and > 0 on the range.
     - `upper`, `lower`: 0 < lower <= upper < ∞.
@@ -86,10 +87,12 @@ def settling_time(scenario: Scenario) -> Verdict:
 
     The verdict's `bound` has these times for each joint, s:
 
-    - `printed`: `T_max = T_r + T_s` of (48)-(50), with T_s of each joint.
-    - `supremum`: the supremum over all starts, from the same inequalities without splitting their integrals.
+    - `printed`: `T_max = T_r + T_s` of (48)-(50), with the reaching time T_r and the sliding time T_s of each joint.
+    - `supremum`: the supremum over all starts. It is smaller, since the integrals are computed and not split in two.
     - `given_start`: the bound for the scenario's own start, with the envelope as it narrows.
-    - `deadline`: T of (20), from which the envelope is ±ρ∞; it does not depend on the other values.
+    - `deadline`: T of (20), the time from which the envelope's radius is ρ∞; it does not depend on the other values.
+    - `reaching`: the time until the sliding variable is 0, which the first three times contain; one value for all
+      joints in each of the three.
 
     docs/certificates/reference.md has the derivation.
     """

@@ -30,14 +30,15 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
     """Bound the final error of a law with the boundary layer of the paper's (51), for a bounded disturbance.
 
     s is the sliding variable, u the robust torque and s0 the width of the layer. Let the nominal inertia be the arm's
-    own, and D the uncompensated bias, friction and disturbance. Then `V = ½ sᵀ M s` decreases where
+    own M, and D the uncompensated bias, friction and disturbance. Then `V = ½ sᵀ M s` decreases where
     `u ‖s‖²/(‖s‖ + s0) > ‖s‖ ‖D‖ + ½ ‖Ṁ‖ ‖s‖²`. This holds for ‖s‖ between the two roots σ1 < σ2 of
 
         ½ ‖Ṁ‖ σ² + (‖D‖ + ½ ‖Ṁ‖ s0 - u) σ + ‖D‖ s0 = 0.
 
     Let `s̄ = √(λmax(M)/λmin(M)) σ1`. If s̄ is below σ2 and `‖s‖ <= s̄` at some time, this holds from then on. The
-    transformed error ε1 has `e = ρ ψ(ε1)` and `ε̇1 = β (s - φ(ε1))`, so that in the end
-    `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`, `σ1 = s0 ‖D‖/(u - ‖D‖)`.
+    transformed error ε1 has `e = ρ ψ(ε1)` with the envelope's radius ρ, and `ε̇1 = β (s - φ(ε1))` with β of (25) and the
+    surface's function φ. So in the end `|e| <= ρ max(ψ(ε̄), -ψ(-ε̄))` with `φ(ε̄) = s̄`. For `Ṁ = 0`,
+    `σ1 = s0 ‖D‖/(u - ‖D‖)`.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
@@ -244,10 +245,11 @@ the torque steps larger: 20 times within 2 % of the limit in the paper's example
 def printed_period(scenario: Scenario) -> Verdict:
     """Check that the paper's law is stable near e = 0 with its torque held over a period h.
 
-    The condition is `h < 0.95 · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`, with the robust torque u and the layer's width s0. Near
-    e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with Λ = φ'(0) β and `β = ∂ε1/∂e`. A sampled double integrator
-    with that damping has an eigenvalue at -1 exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone
-    has the limit `2/λmax(M⁻¹ M0 Λ)`, the layer alone `2 s0 λmin(M)/u`.
+    The condition is `h < 0.95 · 2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`, with the true and the nominal inertia M and M0, the
+    robust torque u and the layer's width s0. Near e = 0 the law is `τ = -(M0 Λ + (u/s0) I) ė - ...` with `Λ = φ'(0) β`,
+    the surface's function φ and `β = ∂ε1/∂e`. A sampled double integrator with that damping has an eigenvalue at -1
+    exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the limit `2/λmax(M⁻¹ M0 Λ)`, the layer
+    alone `2 s0 λmin(M)/u`.
 
     Bounds: `period`, 95 % of the limit; `limit`, `surface` and `layer` as above, s.
     """

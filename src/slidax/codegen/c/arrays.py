@@ -1,4 +1,8 @@
-"""Replace single variables and statements by arrays and loops."""
+"""Replace single variables and statements by arrays and loops.
+
+Statements with equal expressions, except for the operands, can become a loop. A lane is one of these statements, which
+is one iteration of the loop.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,8 @@ class Arrays:
     """Arrays that replace single variables of a C function.
 
     - `taken`: names in use.
-    - `stored`: array and index of each value that has become an element, by the value's name.
-    - `single`: groups of a single statement, by the name of its value.
+    - `stored`: for each variable that has become an array element, by its name, the array and the index.
+    - `single`: the groups that are a single statement, by the name of the variable that it declares.
     """
 
     def __init__(self, taken: set[str]) -> None:
@@ -53,7 +57,7 @@ class Arrays:
                     self.stored[statement.name] = (array, statement.line.element[1])
 
     def groups_of(self, statements: list[Statement]) -> list[Group]:
-        """Group statements of a function: those that one loop can compute, and single ones; return all groups."""
+        """Group the statements of a function; return the groups. One loop computes a group with several statements."""
         self.single = {}
         self._place_elements(statements)
         alike: defaultdict[tuple[object, ...], list[Statement]] = defaultdict(list)
@@ -190,8 +194,9 @@ class AssignmentRun:
     """Assignments that one loop performs, or a single assignment.
 
     - `lanes`: the assignments, in order; one per iteration of the loop.
-    - `at`: array elements of target and operands, as functions of the iteration; empty for a single assignment.
-    - `where`: returns the C text that reads an operand.
+    - `at`: rules for the array elements that an iteration accesses: target, then operands; empty for a single
+      assignment.
+    - `where`: function from an operand to the C text that reads it.
     """
 
     def __init__(self, lanes: list[Statement], at: Sequence[Access], where: Where) -> None:
@@ -202,7 +207,7 @@ class AssignmentRun:
 
     @property
     def is_block_move(self) -> bool:
-        """True if the run copies a part of an array to another one, or sets it to zero."""
+        """True if the run copies consecutive elements of an array to another one, or sets them to zero."""
         if not self.at or self.at[0].step != 1 or self.lanes[0].piece.template != "\0":
             return False
         target, source = self.at
@@ -213,12 +218,12 @@ class AssignmentRun:
 
 
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
-    """Split assignments into runs that one loop can perform; return the runs, in an order that changes no value.
+    """Split assignments into runs, each for one loop; return the runs in an order that leaves all results unchanged.
 
-    A loop has only one assignment, since compilers do not vectorise several.
+    The body of a loop is a single assignment, since compilers do not vectorise several.
 
-    - `stored`: array and index of each value that has become an element, by the value's name.
-    - `where`: returns the C text that reads an operand.
+    - `stored`: for each variable that has become an array element, by its name, the array and the index.
+    - `where`: function from an operand to the C text that reads it.
     """
     kinds: dict[object, list[Statement]] = {}
     for lane in statements:

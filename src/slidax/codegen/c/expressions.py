@@ -19,9 +19,9 @@ FLOAT_MIN = float(np.finfo(np.float32).tiny)
 
 @dataclass(frozen=True)
 class Dialect:
-    """C99, or the C++ of CUDA kernels.
+    """Language of the generated code: C99, or the C++ of CUDA kernels.
 
-    - `real`: C type of f64; "float" makes the whole program single precision.
+    - `real`: C type of the IR type f64; with "float" the whole program has single precision.
     - `kernel`: true for a CUDA kernel: no headers, and helpers run on the device.
     """
 
@@ -29,7 +29,7 @@ class Dialect:
     kernel: bool = False
 
     def effective_type(self, type: Type) -> Type:
-        """Return the IR type with which C stores a value of an IR type: f32 for f64 if `real` is "float"."""
+        """Return the IR type as which C stores values of an IR type: f32 for f64 if `real` is "float"."""
         return "f32" if type == "f64" and self.real == "float" else type
 
     def type(self, type: Type) -> str:
@@ -41,10 +41,10 @@ class Dialect:
         return name + "f" if self.effective_type(type) == "f32" else name
 
     def number(self, number: Number, type: Type) -> str:
-        """Return a C constant that reads back to the same bits; in a program of floats, the nearest float.
+        """Return a number as a C constant with exactly its value; in a program of floats, the nearest float.
 
-        A number beyond the range of floats becomes the largest or the smallest normal float instead of infinity or
-        zero: such numbers mean "no limit", or prevent a division by zero.
+        There, a number too large for a float becomes the largest float, not infinity, since it means "no limit". A
+        number too small becomes the smallest normal float, not zero, since it prevents a division by zero.
         """
         if type == "b1":
             return "true" if number else "false"
@@ -72,7 +72,7 @@ class Dialect:
 
 
 def shortest_decimal(number: str) -> str:
-    """Return the shortest readable form of a decimal number in Python's notation: 0.5, 1e-3, 1000.0, 1e6."""
+    """Shorten a decimal number without changing its value, to a form such as 0.5, 1e-3, 1000.0 or 1e6."""
     sign, number = ("-", number[1:]) if number.startswith("-") else ("", number)
     mantissa, _, power = number.partition("e")
     integer, _, fraction = mantissa.partition(".")
@@ -143,7 +143,7 @@ class Helpers:
     def name_of(self, op: str, type: Type) -> str:
         """Return the name of the helper function for an operation; add the function if it is new.
 
-        - `op`: IR operation; or `to_T` for a conversion to type T, `bits_T` for the same bits as a T, `all_finite`.
+        - `op`: IR operation; or `to_T` to convert to IR type T, `bits_T` to read the same bits as T, or `all_finite`.
         - `type`: IR type of the arguments.
         """
         real = self.dialect.effective_type("f64")
@@ -284,7 +284,7 @@ class CExpression:
     reads: frozenset[str] = NO_READS
 
     def within(self, precedence: int) -> str:
-        """Return the text as an operand, in parentheses if it binds less tightly than `precedence`."""
+        """Return the text as an operand: in parentheses if its operator binds less tightly than `precedence`."""
         return self.text if self.precedence >= precedence else f"({self.text})"
 
 
@@ -299,8 +299,8 @@ class Expressions:
     """Writer of IR operations as C expressions.
 
     - `helpers`: collects the helpers that the expressions need.
-    - `ordered_operands`: True for an order of sums and products that is independent of the numbers in the operands'
-      names.
+    - `ordered_operands`: True to order the operands of sums and products by their names without numbers, so that
+      similar expressions for different joints have the same form.
     """
 
     dialect: Dialect

@@ -21,8 +21,8 @@ class Statements:
     - `lines`: indented lines of C.
     - `helpers`: small functions that it calls.
     - `reads`: indices of the inputs that it reads.
-    - `bytes`: stack size of its variables [bytes], if no two in a block share memory; a compiler needs less.
-    - `called`: the program that each call of a shared function runs, in the order of the calls.
+    - `bytes`: stack size of its variables [bytes], by `layout.stack_bytes`.
+    - `called`: the called programs, in the order of the calls.
     """
 
     lines: list[str]
@@ -45,18 +45,18 @@ def statements(
     loops: bool = False,
     taken: Collection[str] = (),
 ) -> Statements:
-    """Return the body of a C function that computes values of a program and assigns them; other values are left out.
+    """Return the body of a C function that computes some values of a program and assigns them to variables.
 
     All assignments come last and take effect together: an input that shares memory with an output is read before it is
     overwritten.
 
     - `assigned`: pairs of a C lvalue and the value that it gets.
-    - `read`: returns the C text that reads an input's element, from the indices of input and element.
+    - `read`: function from the indices of an input and of its element to the C text that reads the element.
     - `dialect`: C99 with doubles if None.
     - `precomputed`: values that need no computation, and the C text that reads them.
     - `names`: preferred names of values; None: names from the Python source.
-    - `rows`: returns the C lvalue of a log's element, from output, row and element; None omits the logs.
-    - `callees`: returns the C function of a called program; None if the program has no calls.
+    - `rows`: function from output, row and element of a log to the element's C lvalue; None omits the logs.
+    - `callees`: function from a called program to its C function; None if the program has no calls.
     - `loops`: true to write similar statements for all elements of an array as a loop.
     - `taken`: names in use, such as those of the function's arguments.
     """

@@ -31,8 +31,8 @@ class CodeLine:
     - `level`: depth of indentation.
     - `text`: text without indentation.
     - `about`: comment on the computed value, or empty.
-    - `visit`: equal for lines that compute elements of one array operation of the source; None for others.
-    - `element`: number of the array that the declared value belongs to, and its index there; None without an array.
+    - `visit`: key of the array operation in the Python source whose element the line computes; None for other lines.
+    - `element`: if the declared value is an array element, the array's number and the element's index; else None.
     """
 
     level: int
@@ -47,7 +47,7 @@ ELEMENT = re.compile(r"([A-Za-z_]\w*(?:->\w+)?)\[(\d+)\]")
 
 
 def pointer_to(elements: Sequence[str]) -> str | None:
-    """Return the C pointer to array elements, `&a[2]` for `a[2]`, `a[3]`, ...; None if they are not contiguous."""
+    """Return a C pointer to consecutive array elements, `&a[2]` for `a[2]`, `a[3]`, ...; None for other elements."""
     first = ELEMENT.fullmatch(elements[0])
     if first is None:
         return None
@@ -58,9 +58,10 @@ def pointer_to(elements: Sequence[str]) -> str | None:
 
 
 def format_lines(lines: list[CodeLine]) -> list[str]:
-    """Return lines as indented text, broken where too long; a comment precedes two or more lines with a new `about`.
+    """Return lines as indented text, with long lines broken and with comments.
 
-    A repeated comment is cut at its colon.
+    Two or more lines with equal `about` get it as a comment above them. If a comment repeats an earlier one, only its
+    text before the colon is written.
     """
     texts: list[str] = []
     last = ""
@@ -79,7 +80,7 @@ def format_lines(lines: list[CodeLine]) -> list[str]:
 
 
 def join_declarations(lines: list[CodeLine]) -> list[CodeLine]:
-    """Return lines in which adjacent declarations of the same type, without initial values, are joined to one line."""
+    """Join adjacent declarations of the same type without initial values to one line; return all lines."""
     out: list[CodeLine] = []
     for line in lines:
         last = out[-1] if out else line
@@ -151,7 +152,7 @@ class _Variable:
 
 
 def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Return a function's lines with blocks `{ }` around parts of them, whose arrays then share the stack."""
+    """Put blocks `{ }` around parts of a function; return all lines. Arrays of different blocks share the stack."""
     items = _items(lines)
     if len(items) < 2:
         return list(lines)
@@ -177,7 +178,7 @@ def add_scopes(lines: Sequence[CodeLine]) -> list[CodeLine]:
 
 
 def stack_bytes(lines: Sequence[CodeLine]) -> int:
-    """Return a function's stack size [bytes]: arrays occupy it until their block ends, numbers while they are used."""
+    """Return a function's stack size [bytes]. An array counts until its block ends, a number while it is in use."""
     items = _items(lines)
     variables = _variables(items).values()
     arrays = sum(variable.bytes for variable in variables if variable.bytes > 8)

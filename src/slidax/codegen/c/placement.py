@@ -1,4 +1,7 @@
-"""Decide which values to print, in which block, and which depend only on parameters."""
+"""Decide which values generated C computes, in which block of code, and which depend only on parameters.
+
+A region is a list of values: the whole program, a part of a loop, or a side of a branch.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from ..ir import ELEMENTARY, Branch, Loop, Program, Region, Value, regions, uses
 class Placement:
     """Choice of the region in which generated C computes each value: outside loops, and inside branches, if possible.
 
-    `order` lists the values of each region in a valid order of computation. `uses` counts a value's uses as an operand.
-    `assigned` has the values that are assigned to an output, a carried variable or a branch's result.
+    `order` lists the values of each region in a valid order of computation. `uses` counts how often a value is an
+    operand. `assigned` has the values that are assigned to an output, to a variable that a loop changes, or to the
+    result of a branch.
 
     - `wanted`: requested values, and operations that write logs; only these and the values that they need are placed.
     - `precomputed`: values that need no computation.
@@ -39,11 +43,11 @@ class Placement:
             self.order[self.place[value]].append(value)
 
     def carried(self, loop: Loop) -> list[int]:
-        """Return the indices of those carried values of a loop that are needed."""
+        """Return the indices of a loop's needed carried values, which pass from one iteration to the next."""
         return [k for k, param in enumerate(loop.params) if param in self.needed]
 
     def results_of(self, block: Value) -> dict[int, Value]:
-        """Return those results of a loop, branch or call that are needed, by their index among its results."""
+        """Return the needed results of a loop, branch or call, by their index among all its results."""
         return {value.data: value for value in self.results.get(block, ())}
 
     def parent(self, region: Region) -> Region | None:
@@ -53,7 +57,7 @@ class Placement:
         return None if region.owner is None else self.place[region.owner]
 
     def has_single_use(self, value: Value) -> bool:
-        """True if a needed value has exactly one use, and it is in the region in which the value is computed."""
+        """True if a needed value is used exactly once, in the region in which it is computed."""
         return self.uses[value] == 1 and self._used_in[value] is self.place[value]
 
     # ---- needed values ----------------------------------------------------------------------------------------------
@@ -223,10 +227,10 @@ WORTH = 4
 
 
 def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
-    """Return values of a program that depend only on some inputs and constants, and are worth storing between calls.
+    """Return the values that depend only on some inputs and constants, and are worth storing between calls.
 
-    A separate C function can compute them: pass them to `statements` as `assigned`. The function with the rest of the
-    program takes them as `precomputed`. Values inside branches are included; computing them without need is harmless.
+    To compute them in a separate C function, pass them to `statements` as `assigned`. For the function with the rest of
+    the program, pass them as `precomputed`. Values inside branches are included: computing them is always harmless.
 
     - `inputs`: indices of the inputs that rarely change.
     """

@@ -16,9 +16,11 @@ ARRAY_HEAD = re.compile(r"const \w+ (\w+)\[(\d+)\] = \{")
 
 
 def pass_in_place(lines: Sequence[CodeLine]) -> list[CodeLine]:
-    """Return lines of C without arrays that only copy a part of another array; calls get a pointer to that part.
+    """Remove arrays that copy consecutive elements of another array, and pass a pointer to these instead.
 
-    - `lines`: lines of a function, in which only the next call after a copied array reads it.
+    Returns the new lines.
+
+    - `lines`: lines of a function, in which only the call that follows such an array reads it.
     """
     out: list[CodeLine] = []
     where: dict[str, str] = {}
@@ -55,10 +57,10 @@ NewName = Callable[[str], str]
 
 
 def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, helpers: Helpers) -> list[CodeLine]:
-    """Return lines of C in which loops replace long conditions on array elements; the conditions' values are unchanged.
+    """Replace long conditions on array elements by loops that compute the same values; return the new lines.
 
-    - `new_name`: returns a free name, from a stem.
-    - `index`: variable of the loops.
+    - `new_name`: function from a stem to an unused name.
+    - `index`: name of the loops' counter.
     - `helpers`: collects the helper functions that the new lines call.
     """
     out: list[CodeLine] = []

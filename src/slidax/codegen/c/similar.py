@@ -1,4 +1,7 @@
-"""Similar statements, which differ only in their operands, and their order."""
+"""Similar statements, which differ only in their operands, and their order.
+
+A group of similar statements can become a loop. A lane is one of its statements, which is one iteration of the loop.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ WORD = re.compile(
 )
 
 Stored = dict[str, tuple[str, int]]
-"""Array and index of each value that has become an element, by the value's name."""
+"""For each variable that has become an array element, by its name, the array and the index."""
 
 Operands = Sequence[str]
 
@@ -50,11 +53,11 @@ def parse(text: str) -> Piece:
 
 @dataclass(frozen=True)
 class Access:
-    """Rule for one operand of a loop's expression: in iteration i it is `array[start + step i]`.
+    """Rule for one operand of a loop's expression: an array element, a fixed text, or a list of numbers.
 
-    - `array`, `start`, `step`: the element; step 0 for the same element in all iterations.
-    - `text`: an operand that is equal in all iterations, and not an element.
-    - `numbers`: constants, one for each iteration.
+    - `array`, `start`, `step`: in iteration i the operand is `array[start + step i]`; empty if it is no array element.
+    - `text`: an operand that is the same in all iterations.
+    - `numbers`: the operand's values if it is a different number in each iteration.
     """
 
     array: str = ""
@@ -64,7 +67,7 @@ class Access:
     numbers: tuple[str, ...] = ()
 
     def element(self, index: str) -> str:
-        """Return the C text of the array element in an iteration; `index` is the variable of the loop."""
+        """Return the C text of the array element; `index` is the name of the loop's counter."""
         if self.step == 1:
             return f"{self.array}[{index} + {self.start}]" if self.start else f"{self.array}[{index}]"
         if self.step > 0 and not self.start:
@@ -76,17 +79,17 @@ class Access:
         return f"{self.array}[{self.step} * {index} + {self.start}]"
 
     def pointer(self) -> str:
-        """Return the C text of a pointer to the element of the first iteration."""
+        """Return the C text of a pointer to the element that the first iteration accesses."""
         return f"&{self.array}[{self.start}]" if self.start else self.array
 
 
 def find_accesses(rows: Sequence[Operands], stored: Stored) -> tuple[int, list[Access]]:
-    """Return the number of leading expressions that one loop can compute, and the rule for each operand.
+    """Return how many expressions, from the first one on, a single loop can compute, and a rule for each operand.
 
-    The list of rules is empty if these are fewer than `LEAST` expressions.
+    The list of rules is empty if there are fewer than `LEAST` such expressions.
 
     - `rows`: operands of each expression; all expressions have the same template.
-    - `stored`: array and index of each value that has become an element, by the value's name.
+    - `stored`: for each variable that has become an array element, by its name, the array and the index.
     """
     count = len(rows)
     columns = list(zip(*rows, strict=True))
@@ -136,7 +139,7 @@ class Statement:
     """A declaration or an assignment in C.
 
     - `index`: number of its line in the function.
-    - `type`, `name`: type and name of the declared variable; for an assignment, empty and its target.
+    - `type`, `name`: type and name of the declared variable. For an assignment, `type` is empty and `name` its target.
     - `piece`: its expression.
     """
 
@@ -152,9 +155,9 @@ class Group:
     """Statements that one loop computes, or a single statement, in C.
 
     - `lanes`: the statements, in order.
-    - `array`: array of their values; empty for a single statement with its own variable.
-    - `at`: array element of each operand, as a function of the iteration.
-    - `target`: array element of the computed value, as a function of the iteration; None for a single statement.
+    - `array`: array in which their values are stored; empty for a single statement with its own variable.
+    - `at`: for each operand, the rule for its array element in an iteration (see `Access`).
+    - `target`: the same rule for the computed value; None for a single statement.
     """
 
     lanes: list[Statement]
@@ -222,11 +225,12 @@ def _next(ready: list[Group], order: list[Group]) -> Group:
 
 
 def fits_loop(group: Group, loop: list[Group]) -> bool:
-    """True if a loop can compute one more group, which has as many iterations.
+    """True if a loop can compute a further group of statements.
 
-    The group must read values of the loop only from the same iteration.
+    The group must have as many iterations as the loop. It may read the values that an iteration of the loop computes
+    only in the same iteration.
 
-    - `loop`: groups that the loop computes.
+    - `loop`: groups that the loop computes already.
     """
     if group.target is None or group.iterations != loop[0].iterations:
         return False

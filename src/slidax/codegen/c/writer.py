@@ -26,10 +26,10 @@ HEAVY = 7
 
 
 class Callee(NamedTuple):
-    """C function of a called program, called as `name(shared..., inputs..., results)`.
+    """C function of a called program. A call is written as `name(shared..., inputs..., results)`.
 
-    - `shared`: C text of arguments that are equal in all calls.
-    - `passed`: indices of the program's inputs that each call passes.
+    - `shared`: C text of the arguments that are equal in all calls.
+    - `passed`: indices of those inputs of the program that are arguments of the C function.
     """
 
     name: str
@@ -44,7 +44,7 @@ Callees = Callable[[Program], Callee]
 class Writer:
     """Writer of one C function: appends the C lines of values, loops and branches to `lines`.
 
-    - `placement`: needed values, and the region and order in which they are computed.
+    - `placement`: the values to compute, with the region and order in which to compute them.
     - `names`: preferred names and comments of values.
     - `read`, `precomputed`, `taken`, `rows`, `callees`, `loops`: as in `statements`.
     """
@@ -128,7 +128,7 @@ class Writer:
                 self._value(value)
 
     def declare_value(self, value: Value, hint: str | None = None) -> None:
-        """Declare a variable for a value whose expression is known; later uses read the variable."""
+        """Declare a C variable that holds an already composed value; later uses of the value read the variable."""
         written = self.texts[value]
         type, name = self.new_variable(value, hint)
         self.line(f"const {type} {name} = {written.text};", value)

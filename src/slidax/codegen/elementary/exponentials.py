@@ -32,9 +32,9 @@ _EXP_TAIL = (
 
 
 def powers_of_two(shifted: Expression) -> tuple[Expression, Expression]:
-    """Return two powers of two with the product `2^n`, for n from -2044 to 2046; a single f64 has a smaller range.
+    """Return two powers of two whose product is `2^n`, for n from -2044 to 2046; a single f64 has a smaller range.
 
-    - `shifted`: the f64 n + `INTEGER`, whose lowest bits are the integer n + 2046.
+    - `shifted`: the sum n + `INTEGER` as f64; the integer n + 2046 is in its lowest bits.
     """
     bits = shifted.bits()
     half = bits >> 1
@@ -61,7 +61,7 @@ def exp(x: Expression) -> Expression:
 
 
 def half_expm1(x: Expression) -> Expression:
-    """`(e^x - 1)/2 = (a q + (a - 1/b)) b/2` with `e^x = (1 + q) a b`; no overflow where sinh x is finite."""
+    """`(e^x - 1)/2 = (a q + (a - 1/b)) b/2`, with q, a, b as in `expm1`; no overflow where sinh x is finite."""
     q, a, b = _parts(x)
     return _less_one(q, a, b) * (b * 0.5)
 
@@ -139,7 +139,7 @@ def log(x: Expression) -> Expression:
 
 
 def log1p(x: Expression) -> Expression:
-    """`ln(1 + x) = ln u + c/u`, with u the rounded sum and c its error."""
+    """`ln(1 + x) = ln u + c/u`, where u is the rounded sum 1 + x, and c its rounding error."""
     u = x + 1.0
     added = u - 1.0
     error = (1.0 - (u - added)) + (x - added)
@@ -161,9 +161,9 @@ def _log(x: Expression, addend: Expression | None) -> Expression:
 
 
 def log2_in_two_parts(x: Expression) -> tuple[Expression, Expression]:
-    """Return two numbers with the sum `log2 x` for x >= 0, relative error 2^-63.
+    """Return two numbers whose sum is `log2 x`, for x >= 0, with a relative error of 2^-63.
 
-    The second is NaN where x is 0 or infinite.
+    The second number is NaN if x is 0 or infinite.
     """
     e, m = _split(x)
     parts = _Artanh(m)
@@ -258,7 +258,7 @@ _INVERSE = (
 
 
 def cbrt(x: Expression) -> Expression:
-    """The cube root of x, from `|x|^(-1/3)`, which needs no division, and one Newton step."""
+    """The cube root of x: from `|x|^(-1/3)`, which needs no division, and one Newton step."""
     magnitude = abs(x)
     small = magnitude < SMALLEST_NORMAL
     a = select(small, magnitude * 2.0**54, magnitude)

@@ -21,7 +21,7 @@ def _operator(op: str) -> Callable[[Expression, Expression | Number], Expression
 
 @dataclass(slots=True, eq=False)
 class Expression:
-    """An IR value with Python's operators, which add operations to a program; number operands become constants.
+    """An IR value with Python's operators. An operator adds an operation to the program; numbers become constants.
 
     Comparisons return a truth value (b1). `equals` and `differs` compare for equality; NaN differs from every number.
     """
@@ -79,15 +79,15 @@ class Expression:
         return self.cast("bitcast", "f64")
 
     def signed_as(self, other: Expression) -> Expression:
-        """This number, which must be >= 0, with the sign of `other`."""
+        """This number with the sign of `other`; this number must be >= 0."""
         return (self.bits() | (other.bits() & SIGN)).number()
 
     def flipped(self, sign: Expression) -> Expression:
-        """This number, negated if `sign`, a u64 that is 0 or `SIGN`, is not 0."""
+        """This number, negated if the u64 `sign` is `SIGN` (the sign bit), unchanged if it is 0."""
         return (self.bits() ^ sign).number()
 
     def cast(self, op: str, type: Type) -> Expression:
-        """This value converted to another type: its bits if `op` is "bitcast", its number if `op` is "convert"."""
+        """This value as another type: with equal bits if `op` is "bitcast", with equal value if `op` is "convert"."""
         return Expression(self.builder, self.builder.apply(op, self.value, type=type))
 
     def at_most(self, limit: float) -> Expression:
@@ -120,13 +120,13 @@ def select(when: Expression, yes: Expression | Number, no: Expression | Number) 
 def branch_rarely(
     when: Expression, then: Callable[[], tuple[Expression, ...]], else_these: tuple[Expression, ...]
 ) -> tuple[Expression, ...]:
-    """Add a branch for a rare case: return the values of `then()` where `when` is true, else existing values.
+    """Add a branch for a rare case: return the values of `then()` if `when` is true, else the values `else_these`.
 
-    A second call with the same `when` and existing values adds no branch, and returns the values of the first.
+    A second call with the same `when` and `else_these` adds no branch; it returns the results of the first call.
 
-    - `when`: condition (b1), computed from the same numbers as the existing values.
-    - `then`: builds as many values as there are existing ones, of the same types.
-    - `else_these`: existing values, all in one region, to which the branch is added.
+    - `when`: condition (b1), computed from the same numbers as `else_these`.
+    - `then`: function that builds as many values as `else_these` has, of the same types.
+    - `else_these`: values of the usual case, all in one region. The branch is added to this region.
     """
     builder, region = when.builder, else_these[0].value.region
     keys = [("rarely", when.value.number, value.value.number) for value in else_these]

@@ -36,10 +36,10 @@ _HUGE_TWO_OVER_PI = (
 
 
 def reduce_huge_angle(x: Expression) -> tuple[Expression, Expression, Expression]:
-    """Return r, r' and n with `x = n pi/2 + r - r'`, |r| <= pi/4, r' a rounding error, n an u64 mod 4.
+    """Return r, r' and n with `x = n pi/2 + r - r'` and |r| <= pi/4.
 
-    Payne and Hanek's reduction: the mantissa is multiplied only by those digits of 2/pi that contribute neither full
-    turns nor fractions below 2^-117.
+    r' is the rounding error of r. n is a u64, correct modulo 4. Payne and Hanek's reduction: the mantissa is multiplied
+    only by some digits of 2/pi, since earlier ones give full turns, and later ones fractions below 2^-117.
 
     - `x`: f64, 2^23 <= |x|; the result is NaN for infinities.
     """

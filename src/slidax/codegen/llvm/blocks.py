@@ -1,4 +1,7 @@
-"""Print loops, branches and their values as the body of one LLVM function."""
+"""Print loops, branches and their values as the body of one LLVM function.
+
+The function computes several runs of the program in parallel, one per lane (element) of the CPU's vectors.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ class ElementaryFunction:
     - `op`: its IR operation, such as "sin".
     - `type`: type of the arguments and the result.
     - `arguments`: number of arguments.
-    - `width`: number of lanes.
+    - `width`: number of lanes; 1 for scalars.
     """
 
     op: str
@@ -43,15 +46,16 @@ class ElementaryFunction:
         return lower_and_fuse(builder.finish())
 
     def call(self, words: list[str]) -> str:
-        """Return a call of the function in LLVM IR; `words` are LLVM operands, its arguments."""
+        """Return a call of the function in LLVM IR; `words` are its arguments, as LLVM operands."""
         llvm_type = type_name(self.type, self.width)
         return f"call {self.head}({', '.join(f'{llvm_type} {word}' for word in words)})"
 
 
 def varying_values(program: Program) -> set[Value]:
-    """Return all values that may differ between runs: they depend on a varying input, also by the number of iterations.
+    """Return all values that may differ between runs, since they depend on an input that varies.
 
-    Carried values of loops need a fixed-point iteration: they count as uniform until a pass shows otherwise.
+    A value that a loop changes also differs if the number of iterations differs. The values are determined in passes
+    over the program: a value counts as equal in all runs until a pass shows otherwise.
     """
     differing: set[Value] = set()
     count = -1

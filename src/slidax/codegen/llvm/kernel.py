@@ -1,4 +1,8 @@
-"""Compile a program to a function of NumPy arrays; choose the optimisation level by the expected use."""
+"""Compile a program to a function of NumPy arrays; choose the optimisation level by the expected use.
+
+A run evaluates the program once. A batch is many runs with different inputs; a lane is one of the runs that the CPU's
+vector instructions compute in parallel.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +30,8 @@ from .vectorise import prepare
 def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
     """Return the LLVM IR of a program that computes runs in groups of `lanes`.
 
-    Its function is `void runs(ptr tables, i64 groups, i64 rows)`: `tables` contains the addresses of the inputs and
-    outputs, group after group; `rows` is the number of rows of each log.
+    Its function is `void runs(ptr tables, i64 groups, i64 rows)`. `tables` contains, for each group in turn, the
+    addresses of all inputs and then all outputs. `rows` is the number of rows of each log.
 
     - `program`: result of `prepare`.
     - `lanes`: number of runs that are computed in parallel, a power of two.
@@ -96,8 +100,8 @@ class Kernel:
     """A program compiled to machine code, which is called with NumPy arrays.
 
     - `lanes`: number of runs that are computed in parallel.
-    - `quick`: True for code that compiles in a fraction of the time, and takes 2 to 5 times as long for equal results.
-    - `known`: the program's `identity`, if it was computed before.
+    - `quick`: True for code that compiles in a fraction of the time, but runs 2 to 5 times slower, with equal results.
+    - `known`: result of `identity` for the program, if it was computed before; saves time.
     """
 
     def __init__(self, program: Program, lanes: int, *, quick: bool = False, known: str | None = None) -> None:
@@ -115,10 +119,10 @@ class Kernel:
 
     @property
     def function(self) -> Any:
-        """The machine code as a ctypes function: `function(table, lines, rows)`. No argument is checked.
+        """The machine code as a ctypes function, `function(table, lines, rows)`, which checks no argument.
 
-        `table` is the address of a table, and `lines` its number of lines. Each line contains the addresses of all
-        inputs and then of all outputs. `rows` is the number of rows of each log.
+        `table` is the address of a table, and `lines` its number of lines, one per group of `lanes` runs. A line
+        contains the addresses of all inputs and then of all outputs. `rows` is the number of rows of each log.
         """
         return self._run
 
@@ -224,9 +228,9 @@ def _processors() -> int:
 
 
 def identity(program: Program, lanes: int) -> str:
-    """Return a text that is equal for equal programs with equal `lanes`: a key for cached code.
+    """Return a key for cached code, which is equal for equal programs with equal `lanes`.
 
-    It does not depend on the machine or on the optimisation level.
+    The key does not depend on the machine or on the optimisation level.
     """
     return f"{digest(program)} {lanes}"
 
@@ -258,11 +262,11 @@ VALUE_SIZE = 8
 
 
 class ByDemand:
-    """Machine code of a program, compiled quickly at first and optimised once long use is worth it.
+    """Machine code of a program: compiled quickly at first, and with optimisation once the program runs long enough.
 
     The results of both are bitwise equal.
 
-    - `program`: a program whose time is spent in a loop.
+    - `program`: a program that spends its time in one loop.
     - `lanes`: number of runs that are computed in parallel.
     """
 
@@ -273,9 +277,9 @@ class ByDemand:
         self._kernel: Kernel | None = None
 
     def kernel(self, iterations: int) -> Kernel:
-        """Return the code for the next run: optimised if the iterations of all calls add up to enough, else quick.
+        """Return the code for the next run. It is optimised once the iterations of all calls add up to enough.
 
-        - `iterations`: number of iterations of the loop in the next run; the runs in one vector count once.
+        - `iterations`: number of the loop's iterations in the next run. Runs that are computed in parallel count once.
 
         Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
         """

@@ -28,12 +28,12 @@ def folder() -> Path:
 
 
 def path_of(key: str) -> Path:
-    """Return the cache file for a key, which contains everything that the object code depends on."""
+    """Return the path of the cache file for a key, a text with everything on which the object code depends."""
     return folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
 
 
 def load_code(key: str) -> bytes | None:
-    """Return the object code for a key from the cache on disk; None if there is none, or it cannot be trusted."""
+    """Return the object code for a key from the cache on disk; None if it is missing or other users could change it."""
     path = path_of(key)
     try:
         if not path.parent.is_dir() or not _is_private(path.parent):
@@ -50,7 +50,7 @@ def load_code(key: str) -> bytes | None:
 
 
 def store_code(key: str, body: bytes) -> None:
-    """Store object code for a key in the cache on disk; do nothing if the folder cannot be written or trusted."""
+    """Store object code for a key in the cache on disk, if its folder is writable and no other user can change it."""
     path = path_of(key)
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -117,11 +117,11 @@ def available() -> bool:
 
 
 class Code:
-    """Machine code in memory, valid as long as this object exists; `address` is the address of its function.
+    """Machine code in memory, as long as this object exists; `address` is the address of its function.
 
-    - `machine`: this CPU with its compiler, which links the code.
-    - `object`: bytes of an object file.
-    - `entry`: name of its function.
+    - `machine`: the CPU and its compiler, which links the code.
+    - `object`: content of an object file, as bytes.
+    - `entry`: name of the function in the object file.
 
     Raises RuntimeError or IndexError if the object file has no such function.
     """
@@ -158,8 +158,8 @@ class Machine:
     def key_of(self, source: str, level: int) -> str:
         """Return the cache key for the machine code of an LLVM module.
 
-        - `source`: text with everything that the module depends on. The module's IR is not used as the key, since
-          generating it takes as long as compiling it.
+        - `source`: text on which everything in the module depends. The module's IR is not in the key, since to generate
+          it takes as long as to compile it.
         - `level`: LLVM's optimisation level.
         """
         return "\n".join([self.version, self.cpu, self.features, str(level), source])
@@ -169,7 +169,7 @@ class Machine:
 
         - `source`, `level`: as in `key_of`.
         - `entry`: name of the module's function.
-        - `text`: returns the module's LLVM IR.
+        - `text`: function that returns the module's LLVM IR, called only if the cache has no code.
         """
         key = self.key_of(source, level)
         object = load_code(key)
@@ -187,7 +187,7 @@ class Machine:
         return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:
-        """Return the object file of LLVM IR, compiled without LLVM's optimisation passes, which it does not need."""
+        """Compile LLVM IR, and return the bytes of the object file. LLVM's passes on the IR are not needed."""
         return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
 
     def _target(self, level: int) -> Any:

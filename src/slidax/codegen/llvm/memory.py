@@ -1,4 +1,7 @@
-"""Write accesses to inputs, outputs and log rows in memory."""
+"""Write LLVM IR that loads inputs from memory, and stores outputs and log rows.
+
+A lane is one of the runs that are computed in parallel; it is inactive while only other runs take a branch or iterate.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from .operations import BYTES, STORED, Lines, literal, suffix, type_name
 
 
 def load_addresses(program: Program, out: Lines) -> None:
-    """Write the loads of the addresses of all inputs and outputs: `%in0`, `%in1`, ..., `%out0`, ..."""
+    """Write LLVM IR that loads the addresses of all inputs and outputs into `%in0`, `%in1`, ..., `%out0`, ..."""
     names = [f"%in{k}" for k in range(len(program.inputs))] + [f"%out{k}" for k in range(len(program.outputs))]
     for k, name in enumerate(names):
         out.write(f"{name}a = getelementptr ptr, ptr %table, i64 {k}")
@@ -17,18 +20,18 @@ def load_addresses(program: Program, out: Lines) -> None:
 
 
 def allocate_spare(program: Program, lanes: int, out: Lines) -> None:
-    """Write the allocation of a spare row on the stack, to which inactive lanes write instead of to their log."""
+    """Write LLVM IR that allocates a spare row on the stack; inactive lanes write to it instead of to their log."""
     sizes = [output.size * BYTES[output.type] for output in program.outputs if output.values is None]
     if lanes > 1 and sizes:
         out.write(f"%spare = alloca [{max(*sizes, 8)} x i8], align 8")
 
 
 def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mask: str, out: Lines) -> None:
-    """Write the read of one element of an input.
+    """Write LLVM IR that reads one element of an input, for all lanes.
 
-    - `value`: an `input` or a `load`.
+    - `value`: IR value with the operation `input` or `load`.
     - `index`: LLVM operand with the element's index, a scalar or a vector.
-    - `lanes`: number of lanes, one for each run; 1 reads one number.
+    - `lanes`: number of lanes; 1 reads one number.
     - `wide`: True if `index` is a vector.
     - `mask`: LLVM operand with the active lanes, the only ones whose index is in range; "" for all.
     """
@@ -67,7 +70,7 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
 
 
 def read_vector(value: Value, lanes: int, out: Lines) -> None:
-    """Write the read of `lanes` consecutive elements of an input, beginning with the element of `value`."""
+    """Write LLVM IR that reads `lanes` consecutive elements of an input as a vector, from the element of `value` on."""
     (which, element), name, stored = value.data, f"%v{value.number}", STORED[value.type]
     loaded = f"{name}i" if value.type == "b1" else name
     out.write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
@@ -77,10 +80,10 @@ def read_vector(value: Value, lanes: int, out: Lines) -> None:
 
 
 def write_output(program: Program, which: int, element: int, word: str, lanes: int, out: Lines) -> None:
-    """Write the store of one element of an output, in each lane's run.
+    """Write LLVM IR that stores one element of an output, for all lanes.
 
     - `which`, `element`: indices of the output and of the element.
-    - `word`: LLVM operand with the element, of all lanes.
+    - `word`: LLVM operand with the element of all lanes.
     """
     output = program.outputs[which]
     name, stored = f"%out{which}e{element}", STORED[output.type]
@@ -101,11 +104,12 @@ def write_output(program: Program, which: int, element: int, word: str, lanes: i
 def write_row(
     program: Program, store: Value, row: Sequence[str], mask: str, words: Sequence[str], lanes: int, out: Lines
 ) -> None:
-    """Write the store of one row to the log of each lane's run.
+    """Write LLVM IR that stores one row of a log, for all lanes.
 
-    - `row`: LLVM operand with the row's number, for each lane.
+    - `store`: the IR operation `store`.
+    - `row`: for each lane, an LLVM operand with the row's index.
     - `mask`: LLVM operand with the active lanes; "" for all.
-    - `words`: LLVM operands with the row's elements, each of all lanes.
+    - `words`: for each element of the row, an LLVM operand with the element of all lanes.
     """
     output = program.outputs[store.data]
     name, stored, log = f"%w{store.number}", STORED[output.type], f"%out{store.data}"

@@ -30,7 +30,7 @@ BYTES: dict[Type, int] = {type: np.dtype(dtype).itemsize for type, dtype in DTYP
 
 
 def type_name(type: Type, lanes: int) -> str:
-    """Return the LLVM name of an IR type, `double`, or of a vector of it for `lanes > 1`, `<8 x double>`."""
+    """Return the LLVM name of an IR type, such as `double`; for `lanes > 1` of a vector of it: `<8 x double>`."""
     return TYPES[type] if lanes == 1 else f"<{lanes} x {TYPES[type]}>"
 
 
@@ -41,7 +41,7 @@ def suffix(type: Type, lanes: int) -> str:
 
 
 def literal(number: Number, type: Type, lanes: int = 1) -> str:
-    """Return a number as an exact LLVM constant of an IR type; for `lanes > 1`, a vector with it in each lane."""
+    """Return a number as an exact LLVM constant of an IR type; for `lanes > 1`, a vector of equal constants."""
     if type in FLOATS:
         # LLVM writes a float by the bits of the double that it equals.
         word = f"0x{struct.unpack('<Q', struct.pack('<d', number))[0]:016X}"
@@ -54,7 +54,7 @@ def literal(number: Number, type: Type, lanes: int = 1) -> str:
 
 
 class Lines:
-    """Lines of a function in LLVM IR.
+    """Collection of the lines of one function in LLVM IR.
 
     - `declarations`: declarations of the functions that it calls.
     """
@@ -93,8 +93,8 @@ def operation(value: Value, words: Sequence[str], lanes: int, out: Lines) -> Non
     The result is defined for all arguments, because inactive lanes compute with arbitrary numbers.
 
     - `value`: the operation. Elementary functions, loops, branches and memory accesses are written elsewhere.
-    - `words`: LLVM operands for its arguments, with the same number of lanes.
-    - `lanes`: 1 for a scalar.
+    - `words`: LLVM operands for its arguments, each a vector with this number of lanes, or a scalar.
+    - `lanes`: number of lanes (elements of a vector); 1 for a scalar.
     """
     op, name = value.op, f"%v{value.number}"
     source = value.args[0].type if value.args else value.type

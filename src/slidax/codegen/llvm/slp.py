@@ -27,9 +27,9 @@ LARGEST_WIDTH = 8
 
 
 class Bundles:
-    """Bundles of a program, which is not changed: groups of scalar values that can be computed as vectors.
+    """Search for bundles in a program, which is not changed. A bundle is a tuple of scalars that can become a vector.
 
-    A bundle is a tuple of values, the lanes of one vector. A slot is the tuple of their k-th arguments.
+    A bundle's k-th slot is the tuple of the k-th arguments of its members. A member's lane is its index in the bundle.
     """
 
     def __init__(self, program: Program) -> None:

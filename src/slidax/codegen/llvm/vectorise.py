@@ -16,10 +16,10 @@ from .slp import Bundles, Members, keep_profitable
 
 @dataclass(slots=True, eq=False, repr=False)
 class Vector(Value):
-    """Several scalars of one run that one CPU instruction computes, as one value.
+    """IR value for several scalars of one run that one CPU instruction computes.
 
-    In addition to the IR's operations, `op` can be `gather`, a vector of scalars, or `spread`, a broadcast scalar. A
-    scalar with the operation `pick` is the lane `data` of a vector.
+    In addition to the IR's operations, `op` can be `gather` (a vector from scalars) or `spread` (a vector of equal
+    scalars). A scalar with the operation `pick` is the element of a vector with the index `data`.
 
     - `lanes`: number of scalars.
     """
@@ -210,10 +210,9 @@ CALLED = FUNCTIONS - {"exp", "erf_inv"}
 def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program:
     """Return a copy of a program that is ready to be printed as LLVM IR: expanded, vectorised and ordered.
 
-    - `lanes`: number of runs that are computed in parallel. With 1, operations that are similar for all joints become
-      vectors.
-    - `quick`: True to keep the program's order, and to call elementary functions instead of expanding them, which takes
-      less time.
+    - `lanes`: number of runs that are computed in parallel. With 1, similar operations of one run, such as those of all
+      joints, become vector operations.
+    - `quick`: True for a quick preparation: elementary functions are called, not expanded; no vectors; order unchanged.
     """
     if quick:
         return lower_and_fuse(program, FUNCTIONS - CALLED)
@@ -225,9 +224,9 @@ def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program
 
 
 def lower_and_fuse(program: Program, lowered: Set[str] = FUNCTIONS) -> Program:
-    """Return a copy of a program with elementary functions as correctly rounded operations, and fused multiply-adds.
+    """Return a copy of a program with fused multiply-adds, and elementary functions as correctly rounded operations.
 
-    - `lowered`: names of the elementary functions that are expanded; functions of constants always are.
+    - `lowered`: names of the elementary functions to expand; those of constants are always expanded.
     """
 
     def replace(builder: Builder, value: Value, args: tuple[Value, ...]) -> Value | None:

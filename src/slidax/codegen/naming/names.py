@@ -64,11 +64,11 @@ class Name(NamedTuple):
 class Names:
     """Names and comments for the values of a program in generated code.
 
-    A value is named after the variable that the source assigns it to, with the joint's number: `s_1`, `m_12`. A value
-    without a variable is named after an operand, or after the function that returned it.
+    A value is named after the variable to which the Python source assigns it, with the joint's number: `s_1`, `m_12`. A
+    value without a variable is named after an operand, or after the function that returned it.
 
-    - `program`: its values have an `origin` with `frames`, `element` and `shape`, or None.
-    - `chosen`: names of values, which take precedence.
+    - `program`: its values have an `origin` (source location) with `frames`, `element` and `shape`, or None.
+    - `chosen`: names of some values, which take precedence.
     """
 
     def __init__(self, program: Program, chosen: Mapping[Value, str] | None = None) -> None:
@@ -161,9 +161,9 @@ class Names:
 
 
 def index_suffix(element: int, shape: tuple[int, ...]) -> str:
-    """Return the number of an array's element for a name: `_2`, or `_12` in a matrix; empty for a scalar.
+    """Return the suffix of a name for an array element: `_2` in a vector, `_12` in a matrix; empty for a scalar.
 
-    - `element`: counted in C order from 0.
+    - `element`: index in C order, from 0. The suffix counts from 1.
     """
     digits: list[str] = []
     for length in reversed(shape):

@@ -81,8 +81,8 @@ Span = tuple[int, int, int, int]
 class Returned(NamedTuple):
     """Place of a value in the result of a function.
 
-    - `position`: index in the returned tuple; None: the value is returned alone.
-    - `path`: indices in nested lists that the source converts to an array, the outermost first.
+    - `position`: index in the returned tuple; None if the function does not return a tuple.
+    - `path`: indices of the value in nested lists, from the outermost one, if the source converts these to an array.
     """
 
     position: int | None = None
@@ -90,7 +90,7 @@ class Returned(NamedTuple):
 
 
 class Named(NamedTuple):
-    """A value that the source assigns to a name.
+    """A value that the source assigns to a variable.
 
     - `path`: as in `Returned`.
     """
@@ -115,15 +115,16 @@ class SourceFile:
                 self._functions.append(node)
 
     def at(self, frame: Any) -> ast.expr | None:
-        """Return the expression at a source location with `line`, `column`, `end_line` and `end_column`."""
+        """Return the expression at a source location, an object with `line`, `column`, `end_line` and `end_column`."""
         return self._at.get((frame.line, frame.column, frame.end_line, frame.end_column))
 
     def fate(self, node: ast.expr, value: Returned) -> Named | Returned | None:
-        """Return the variable to which an expression's value is assigned, or its position in a returned value.
+        """Return the variable to which the source assigns an expression's value, or its place in a function's result.
 
-        None if neither applies, for example if a larger expression uses the value.
+        Returns None if neither applies, for example if a larger expression uses the value.
 
-        - `value`: the part of the expression's value that is followed.
+        - `node`: the expression.
+        - `value`: place of the value to look for in the expression's value.
         """
         position, path = value
         inner: ast.AST = node
@@ -158,9 +159,9 @@ class SourceFile:
             inner = outer
 
     def docs(self, line: int) -> list[tuple[str, str]]:
-        """Return pairs (name, summary) for the innermost function around a line, and for its class if it is a method.
+        """Return (name, first docstring line) of the innermost function around a line, and of its class for a method.
 
-        The list is empty outside functions. A summary is the first line of the docstring; empty without one.
+        The list is empty outside functions. The first docstring line is empty if there is no docstring.
         """
         around = [node for node in self._functions if node.lineno <= line <= (node.end_lineno or 0)]
         if not around:
@@ -218,10 +219,10 @@ def _summary(node: ast.FunctionDef | ast.ClassDef) -> str:
 def about(frames: Sequence[Any]) -> str:
     """Return a comment, `name: formula`, from the innermost function whose docstring has a formula in its first line.
 
-    The comment is empty if no function has one. A class's docstring takes precedence over a method's if only it has an
-    equation or an equation number.
+    The comment is empty if no function has such a docstring. A method's class may supply the line instead, if its first
+    docstring line has an equation or an equation number, and that of the method has not.
 
-    - `frames`: source locations, the innermost first.
+    - `frames`: source locations (function calls) that lead to a value, the innermost first.
     """
     return next(filter(None, (_about(frame.file, frame.line) for frame in frames)), "")
 

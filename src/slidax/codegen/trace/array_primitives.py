@@ -89,9 +89,9 @@ SHAPE_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Valu
 
 
 def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...]) -> Values:
-    """Return the part of an array that begins at `starts`; a part that would leave the array is shifted inside.
+    """Return a part of an array (as `lax.dynamic_slice`); a part that would leave the array is shifted inside.
 
-    - `starts`: an integer IR value for each axis, known at run time.
+    - `starts`: for each axis, the part's first index, as an integer IR value that is known only at run time.
     - `sizes`: shape of the part.
     """
     for axis, (start, size) in enumerate(zip(starts, sizes, strict=True)):
@@ -102,12 +102,12 @@ def window(b: Builder, array: Values, starts: list[Value], sizes: tuple[int, ...
 
 
 def replace_window(b: Builder, array: Values, part: Values, starts: list[Value]) -> Values:
-    """Return a copy of an array in which `part` replaces the elements that begin at `starts`.
+    """Return a copy of an array in which `part` replaces some elements (as `lax.dynamic_update_slice`).
 
     A part that would leave the array is shifted inside.
 
     - `part`: new elements, with as many axes as the array.
-    - `starts`: an integer IR value for each axis, known at run time.
+    - `starts`: for each axis, the part's first index, as an integer IR value that is known only at run time.
     """
 
     def at(slices: tuple[slice, ...], axis: int) -> Values:

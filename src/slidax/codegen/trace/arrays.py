@@ -1,4 +1,4 @@
-"""Arrays of IR values, which are the operands and results of JAX primitives in a trace."""
+"""NumPy arrays of IR values: the operands and results of JAX primitives while a function is traced."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def value_array(values: Iterable[Value], shape: tuple[int, ...]) -> Values:
 
 
 def constant_array(builder: Builder, numbers: Any) -> Values:
-    """Return numbers, of a dtype in `TYPES`, as an array of constant IR values."""
+    """Return an array of numbers as an array of constant IR values; `TYPES` has the allowed dtypes."""
     array = np.asarray(numbers)
     kind = type_of(array.dtype)
     return value_array((builder.constant(number, kind) for number in array.ravel().tolist()), array.shape)
@@ -53,7 +53,7 @@ def full_array(value: Value, shape: tuple[int, ...]) -> Values:
 
 
 def each(function: Callable[..., Value], *arrays: Values) -> Values:
-    """Apply a function to the elements of arrays of IR values, which are broadcast; return the array of the results."""
+    """Broadcast arrays of IR values, apply a function element by element, and return the array of the results."""
     if all(array.ndim == 0 for array in arrays):
         return value_array([function(*(array.item() for array in arrays))], ())
     arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
@@ -131,7 +131,7 @@ def pack(arrays: Sequence[Values]) -> list[Value]:
 
 
 def unpack(values: Sequence[Value], shapes: Sequence[tuple[int, ...]]) -> list[Values]:
-    """Return arrays of these shapes, filled with IR values in the order of `pack`, whose inverse this is."""
+    """Return arrays of given shapes, filled with the elements in `values`; the inverse of `pack`."""
     arrays, start = [], 0
     for shape in shapes:
         size = int(np.prod(shape, dtype=int))

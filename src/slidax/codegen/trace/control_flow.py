@@ -1,4 +1,7 @@
-"""Rules that translate JAX's loops, branches, and primitives that JAX expands into others, to IR operations."""
+"""Rules that translate JAX's loops, branches, and primitives that JAX expands into others, to IR operations.
+
+A rule gets the program's builder, the jaxpr's equation and its operands; it returns the results as arrays of IR values.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +38,10 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
 
 
 def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Rule of `lax.scan`, and of `lax.fori_loop` over a known range: append a loop, or all iterations one by one.
+    """Rule of `lax.scan`, and of `lax.fori_loop` over a known range: append a loop, or each iteration one by one.
 
-    Returns the carried values after the last iteration, and the stacked results.
+    Iterations are appended one by one if a loop would stack more than `FEW` elements. Returns the carried values after
+    the last iteration, and the stacked results.
     """
     params = equation.params
     length, reverse = params["length"], params["reverse"]
@@ -144,7 +148,7 @@ def _is_up_to(b: Builder, index: Value, number: int) -> Value:
 
 
 def expand(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
-    """Append JAX's expansion of a primitive, such as the bisection of `jnp.searchsorted`; return its results."""
+    """Append the primitives into which JAX expands another one (such as `jnp.searchsorted`); return the results."""
     primitive = equation.params["_prim"]
     shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
 
@@ -166,7 +170,7 @@ def linear_solve(b: Builder, equation: Any, arrays: list[Values], inline: Inline
 
 
 def platform_index(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Rule of `lax.platform_dependent`: return the index of the version for the CPU, else of the default version."""
+    """Rule of `lax.platform_dependent`: return the index of the CPU version, or of the default version without one."""
     platforms = equation.params["platforms"]
     named = [k for k, names in enumerate(platforms) if names is not None and "cpu" in names]
     number = named[0] if named else platforms.index(None)

@@ -176,7 +176,7 @@ ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 def threefry(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
     """Rule of JAX's generator threefry2x32: return two arrays of random 32-bit words, uniformly distributed.
 
-    - `arrays`: first and second words of the keys, then of the counters.
+    - `arrays`: four arrays: first words of the keys, second words of the keys, and likewise for the counters.
     """
     arrays = list(np.broadcast_arrays(*arrays))
     pairs = [_threefry(b, *row) for row in zip(*(array.ravel() for array in arrays), strict=True)]
@@ -201,16 +201,16 @@ def _threefry(b: Builder, key0: Value, key1: Value, x0: Value, x1: Value) -> tup
 
 
 def counters(b: Builder, equation: Any, arrays: list[Values]) -> list[Values]:
-    """Rule of the counters of random numbers: return two arrays with the high and low 32-bit words of 0, 1, 2, ..."""
+    """Rule of the counters from which random numbers are made, 0, 1, 2, ...: return their high and low 32-bit words."""
     shape = equation.params["shape"]
     low = np.arange(int(np.prod(shape, dtype=int)), dtype=np.uint32).reshape(shape)
     return [constant_array(b, np.zeros_like(low)), constant_array(b, low)]
 
 
 def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline], list[Values]]:
-    """Return the rule of a primitive on random keys, which appends a function of JAX's generator to the program.
+    """Return the rule of a primitive on random keys; the rule traces a function of JAX's generator into the program.
 
-    - `name`: the function: "seed", "fold_in", "random_bits" or "split".
+    - `name`: name of this function: "seed", "fold_in", "random_bits" or "split".
     """
 
     def rule(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
@@ -233,5 +233,5 @@ def inline_generator(name: str) -> Callable[[Builder, Any, list[Values], Inline]
 
 
 def key_words(b: Builder, equation: Any, arrays: list[Values]) -> Values:
-    """Rule of conversions between a random key and its words, which are equal in the IR: return the input."""
+    """Rule of conversions between a random key and its words. The IR stores both equally: return the input."""
     return each(lambda x: x, arrays[0])

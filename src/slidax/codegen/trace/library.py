@@ -24,12 +24,12 @@ EACH = 2.5
 
 @dataclass(frozen=True)
 class SharedProgram:
-    """A function that becomes one program for all calls whose arguments have the same constants as elements.
+    """A function that is traced once, as a program of its own, for calls that have equal constants in their arguments.
 
-    - `program`: the function; None if it is inlined at each call.
+    - `program`: the program; None if the function is inlined at each call.
     - `passed`: indices of the arguments that are inputs of the program; the others are constant or unused.
-    - `results`: shape of each result, and the source of each element: ("const", number), ("input", index among the
-      passed elements) or ("output", index among the program's outputs).
+    - `results`: for each result, its shape, and the source of each element: ("const", number), ("input", index among
+      all elements of the passed arguments) or ("output", index among the elements of the program's output).
     - `jaxpr`: stored here to stay alive, so that no other jaxpr gets its `id`.
     """
 
@@ -40,7 +40,7 @@ class SharedProgram:
 
 
 class Library:
-    """Collection of shared functions: equal calls, in all programs that are traced with it, call the same program."""
+    """Collection of shared functions: all programs that are traced with it call the same program for equal calls."""
 
     def __init__(self) -> None:
         self._shared: dict[Any, SharedProgram] = {}
@@ -51,9 +51,10 @@ class Library:
     ) -> list[Values] | None:
         """Add the call of a shared function to a program, and return its results; None if the call must be inlined.
 
-        - `equation`: the call in the jaxpr, of a function under `jax.jit`.
+        - `builder`: builder of the program.
+        - `equation`: the jaxpr's equation that calls a function under `jax.jit`.
         - `arrays`: arguments of the call, as arrays of IR values.
-        - `run`: inlines a closed jaxpr, with arguments and a name, into another builder.
+        - `run`: function that traces a closed jaxpr, with arguments and a name, into another builder.
         """
         closed = equation.params["jaxpr"]
         if not _fits(closed.jaxpr):
@@ -140,10 +141,10 @@ def _in_order(values: Sequence[Value]) -> bool:
 
 
 def keep_array(builder: Builder, array: Values) -> Values:
-    """Record that IR values form one array in the source, and return this array.
+    """Record that IR values form one array in the Python source, and return this array.
 
-    Elements that are inputs or other existing values are replaced by copies. An array that has no other elements, or
-    fewer than `ROW`, is returned unchanged.
+    Elements that exist already, such as inputs, are replaced by copies in the array. An array with only such elements,
+    or with fewer than `ROW` elements, is returned unchanged and not recorded.
     """
     if array.size < ROW or all(value.op in PLACED for value in array.flat):
         return array

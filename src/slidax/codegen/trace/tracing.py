@@ -1,4 +1,7 @@
-"""Trace a JAX function to a program of the intermediate representation (IR), with the source location of each value."""
+"""Trace a JAX function to a program of the intermediate representation (IR), with the source location of each value.
+
+A primitive is an operation of JAX. A jaxpr is JAX's list of the primitives in a function, one equation for each.
+"""
 
 from __future__ import annotations
 
@@ -61,8 +64,8 @@ class Origin:
     - `equation`: the equation of the jaxpr that computes it.
     - `element`: index of the value in the equation's result, in C order; None for an intermediate value.
     - `shape`: shape of that result.
-    - `within`: name of the function in which to search for the location; None: anywhere.
-    - `visit`: an object that all values of one operation on arrays share.
+    - `within`: name of the function in which the location must be; None for any function.
+    - `visit`: a key, the same object for all values of one operation on arrays.
     """
 
     equation: Any
@@ -207,7 +210,7 @@ IN_PLACE = "write `x = x.at[i].set(value)` for `x[i] = value`"
 
 @contextmanager
 def located_tracing_errors() -> Iterator[None]:
-    """Convert errors in the block, which traces a function, to DefinitionErrors with line, rule and remedy.
+    """Convert errors while a `with` block traces a function to DefinitionErrors with line, rule and remedy.
 
     These are JAX's errors for code that depends on the values of arrays, and all errors raised in the user's own code.
 
@@ -261,9 +264,11 @@ def inline(
     named: bool = False,
     library: Library | None = None,
 ) -> list[Values]:
-    """Append the operations of a closed jaxpr to a program, and return its results as arrays of IR values.
+    """Append the operations of a closed jaxpr (one with its constants) to a program; return its results.
 
-    - `builder`: the program under construction.
+    The results are arrays of IR values.
+
+    - `builder`: builder of the program.
     - `arrays`: arguments of the jaxpr, as arrays of IR values.
     - `constants`: constants of the jaxpr, as arrays of IR values; None: the numbers stored in the jaxpr.
     - `named`: true to record the source location of each value, which takes time.

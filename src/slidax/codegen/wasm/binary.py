@@ -42,7 +42,7 @@ BLOCK, ONE, TWO, NUMBERS = (
 
 
 def find_multiply_adds(body: bytes) -> list[int]:
-    """Return the offsets of all multiply-adds in the body of a function, which begins with its local variables."""
+    """Return the offsets of all multiply-adds in a function's body, whose bytes begin with its local variables."""
     return [at for at in _instructions(body) if body[at : at + 3] == MADD]
 
 

@@ -29,7 +29,7 @@ FUSED = f"declare {PAIR} @llvm.wasm.relaxed.madd.v2f64({PAIR}, {PAIR}, {PAIR})"
 
 
 class Body(Blocks):
-    """Writer of a function body in LLVM IR for WebAssembly: calls of elementary functions, relaxed multiply-adds."""
+    """Writer of a function body in LLVM IR for WebAssembly: calls elementary functions, uses relaxed multiply-adds."""
 
     def _value(self, value: Value) -> None:
         name, pairs = f"%v{value.number}", []
@@ -52,9 +52,9 @@ class Body(Blocks):
 def helpers(once: str, twice: str) -> list[str]:
     """Return the LLVM IR lines of two functions for `a b + c`, for browsers without the multiply-add instruction.
 
-    - `once`: name of the function that rounds once, up to an error in the last bit: exact product and sum (Dekker,
-      Knuth).
-    - `twice`: name of the function that rounds twice.
+    - `once`: name of the function that rounds once, from the exact product and sum (Dekker, Knuth); its result may
+      differ from the correctly rounded one in the last bit.
+    - `twice`: name of the function that rounds product and sum.
     """
     halves = f"splat (double {2.0**27 + 1.0})"
     steps = [
@@ -114,8 +114,9 @@ INLINE = frozenset({"erf", "erf_inv"})
 def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Program:
     """Return a copy of a program with multiply-adds as in native code, and some inputs replaced by constants.
 
-    Products with a constant zero are dropped, since an arm's frames have many of them. The results differ from those of
-    native code only for factors that are not finite, since products and sums are fused before the replacement.
+    Products and sums are fused before the replacement, so that results equal those of native code. Products with a
+    constant zero, of which an arm's frames have many, are then dropped: results differ if the other factor is not
+    finite.
 
     - `known`: numbers of the replaced inputs, by the input's position among the program's inputs.
     """
@@ -191,20 +192,21 @@ ENTRY, TWICE, ONCE = "run", "twice_rounded", "once_rounded"
 class Module:
     """A WebAssembly module, and the layout of its arguments.
 
-    Its only import is the memory, `env.__linear_memory`. The exported function is `run(table, rows)`: `table` is the
-    address of the 32-bit addresses of all inputs and then all outputs, and `rows` is the number of rows of each log.
-    Booleans are stored as bytes, all other types as in C.
+    Its only import is the memory, `env.__linear_memory`. The exported function is `run(table, rows)`. `table` is the
+    address of an array with the 32-bit addresses of all inputs and then all outputs. `rows` is the number of rows of
+    each log. Booleans are stored as bytes, all other types as in C.
 
     A browser may lack the multiply-add instruction. Each one is then replaced by a call with the same number of bytes:
     in elementary functions, which need it, to a function that rounds once, and elsewhere to one that rounds twice.
 
     - `bytes`: the module, as in a `.wasm` file; offsets count its bytes from 0.
     - `inputs`: type and number of elements of each input.
-    - `outputs`: type and number of elements of each output (of one row for a log), and True for a log.
+    - `outputs`: for each output, its type, its number of elements (in one row of a log), and True if it is a log.
     - `digest`: equal for equal programs and constants.
     - `code`: offsets of the beginning and the end of the code.
     - `entry_at`: offset of the exported function's body, in which multiply-adds may be rounded twice.
-    - `once`, `twice`: indices of the functions that replace a multiply-add and round once and twice.
+    - `once`, `twice`: indices of the functions that replace a multiply-add: the one that rounds once, and the one that
+      rounds twice.
     - `others`: offsets at which the bytes equal those of a multiply-add, but are not this instruction.
     """
 

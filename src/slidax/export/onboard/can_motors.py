@@ -40,11 +40,11 @@ DAMPING, FADE = 1.0, 1.0
 
 
 class Motors:
-    """The arm's motors on one CAN bus.
+    """Connection to the arm's motors on one CAN bus.
 
     - `bus`: an open bus with the methods `send` and `recv` of `can.BusABC`.
     - `message`: the class `can.Message`.
-    - `ids`, `replies`: CAN id of each motor, and CAN id of its feedback.
+    - `ids`, `replies`: for each motor, the CAN ids of its commands and of its feedback.
     - `signs`, `zeros`: direction of each motor, 1 or -1, and the joint's position at the motor's 0 [rad].
     """
 
@@ -111,7 +111,7 @@ def _structure(name: str, real: Any, numbers: Sequence[str], counts: Sequence[st
 
 @dataclass(frozen=True)
 class CanOutcome:
-    """End of a motion.
+    """Outcome of a motion.
 
     - `ending`: "finished", "stopped" (by the pilot), or "motor" (a motor is faulty or silent).
     - `why`: the reason in words.
@@ -135,7 +135,7 @@ def run_can(
 
     A motor answers each torque with its state, which the law reads in the next period.
 
-    - `pilot`: the law with its reference path and checks, before its `begin`.
+    - `pilot`: the law with its reference path and checks; this function calls its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     - `now`, `sleep`: clock [s], and a function that waits for a time [s].

@@ -17,7 +17,7 @@ STATUS = {"finished": 0, "stopped": 3, "reflex": 4, "no robot": 5}
 
 @dataclass(frozen=True)
 class FrankaOutcome:
-    """End of a motion.
+    """Outcome of a motion.
 
     - `ending`: "finished", "stopped" (by the pilot), "reflex" (by the robot), or "no robot".
     - `why`: the reason in words.
@@ -37,7 +37,7 @@ def run_franka(
     """Move the arm until the motion is over or a check fails.
 
     - `robot`, `torques`: a `pylibfranka.Robot`, and the class `pylibfranka.Torques`.
-    - `pilot`: the law with its reference path and checks, before its `begin`.
+    - `pilot`: the law with its reference path and checks; this function calls its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     """

@@ -1,4 +1,8 @@
-"""The exported law and its pilot in Python by ctypes, its log and its command-line options. Runs without slidax."""
+"""The exported law and its pilot in Python by ctypes, its log and its command-line options. Runs without slidax.
+
+The pilot is C code between a robot's interface and the law. It generates the reference, checks the measurements and the
+law's status, and brings the arm to rest or ends the control if something is wrong.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +96,7 @@ class CompiledLaw:
         return text.decode()
 
     def call(self, name: str) -> Any:
-        """Return a function of the library, by its name without the law's prefix."""
+        """Return a C function of the library as a ctypes function; `name` is its name without the law's prefix."""
         return getattr(self.library, f"{self.prefix}_{name}")
 
     def _compiled(self) -> Path:
@@ -178,10 +182,10 @@ class CompiledLaw:
 
 
 class Pilot:
-    """The pilot of one arm. Its attributes are C structures, which Python reads and sets directly.
+    """The pilot of one arm: the law with its reference path and checks. Call `begin` once, then `step` each period.
 
-    `options` and `parameters` may be changed before `begin`. `report`, `reference` and `command` describe the last
-    step.
+    The attributes are C structures, which Python reads and sets directly. `options` and `parameters` may be changed
+    before `begin`. `report`, `reference` and `command` describe the last step.
     """
 
     def __init__(self, law: CompiledLaw) -> None:
@@ -197,26 +201,26 @@ class Pilot:
         self._step = law.call("pilot_step")
 
     def begin(self, q: Sequence[float]) -> bool:
-        """Begin at the posture `q` [rad or m]; return False if it or an option is invalid: `report` has the reason."""
+        """Begin at measured positions `q` [n], rad or m; return False if they or an option are invalid, see `why`."""
         self._q[:] = list(q)
         return self.law.call("pilot_begin")(self._at, self._q)
 
     def step(self, elapsed: float, q: Sequence[float], dq: Sequence[float]) -> int:
-        """Run one period; return GO, FINISH or STOP. The torque is `report.tau`.
+        """Run one period; return the action GO, FINISH or STOP. The torque [n], N m or N, is `report.tau`.
 
         - `elapsed`: time since the previous period [s]; 0 at the first.
-        - `q`, `dq`: measured positions and velocities.
+        - `q`, `dq`: measured positions and velocities [n], rad and rad/s (m and m/s for a prismatic joint).
         """
         self._q[:] = q
         self._dq[:] = dq
         return self._step(self._at, elapsed, self._q, self._dq)
 
     def rest(self) -> None:
-        """Request the end of the motion: the arm comes to rest along its path, then a step returns FINISH."""
+        """Request the end of the motion: the arm comes to rest along its path, then `step` returns FINISH."""
         self.law.call("pilot_rest")(self._at)
 
     def halt(self) -> None:
-        """Slow down to rest along the trajectory; the next trajectory may come at any time."""
+        """Slow down to rest along the trajectory, without ending the control; `take` accepts a new one at any time."""
         self.law.call("pilot_halt")(self._at)
 
     def take(
@@ -230,8 +234,8 @@ class Pilot:
 
         Positions and speeds are checked here. `admit` also checks accelerations and torques.
 
-        - `times`: increasing times of the points after now [s]; a first point at 0 must be near the current reference.
-        - `q`, `dq`, `ddq`: positions of the points, and optionally their velocities and accelerations.
+        - `times`: increasing times of the points, from now on [s]; a point at 0 must be near the current reference.
+        - `q`, `dq`, `ddq`: positions of the points [points n], and optionally their velocities and accelerations.
         """
         if len(times) >= POINTS:
             return self.law.text("taken", 1)
@@ -241,14 +245,17 @@ class Pilot:
     def stream(self, q: Sequence[float]) -> str:
         """Follow streamed positions from now on, if `options.follows` is set; return the reason if rejected, else "".
 
-        The law must have been exported with a streamed reference. Call this for each position of the host, at any rate.
+        The law must have been exported with a streamed reference. Call this at any rate, each time the host sends new
+        positions.
+
+        - `q`: the host's positions [n], rad or m.
         """
         self._q[:] = q
         taken: int = self.law.call("pilot_stream")(self._at, self._q)
         return self.law.text("taken", taken) if taken else ""
 
     def admit(self, trajectory: Any, slowest: float = 1.0) -> Any:
-        """Check a trajectory that starts at the current reference against all limits; return the C structure admission.
+        """Check a trajectory that starts at the current reference against all limits; return a C structure.
 
         Its `slowdown` is the factor by which the trajectory's times are multiplied, or 0 if the trajectory is rejected.
         Its `violation` has joint, time, value and limit of the first violation.
@@ -325,7 +332,8 @@ class MotionLog:
     def add(self, pilot: Pilot, q: Sequence[float], dq: Sequence[float], success_rate: float = 1.0) -> None:
         """Add a row for the period of the pilot's last step.
 
-        - `success_rate`: success rate of the link to the robot, as counted by the robot.
+        - `q`, `dq`: measured positions and velocities [n].
+        - `success_rate`: share of commands that arrived at the robot, as the robot counts it, 0 to 1.
         """
         report, wanted = pilot.report, pilot.reference
         self.rows.append(
@@ -386,7 +394,7 @@ def prepare(arguments: argparse.Namespace, pilot: Pilot) -> None:
 
 
 def add_path_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the phases of the path and for the largest errors."""
+    """Add the command-line options for the phases of the motion, the largest allowed errors and the log file."""
     for name, unit, meaning in (
         ("hold", "S", "time for which the measured posture is held"),
         ("speed", "RAD/S", "speed of the fastest joint in the approach to the start of the motion"),

@@ -15,7 +15,7 @@ from .pilot import FINISH, GO, STOP, CompiledLaw, MotionLog, Pilot, add_path_opt
 class RehearsalArm:
     """Simulation of the scenario's arm with its sensor's delay; without gravity if the robot compensates gravity.
 
-    - `q`: initial posture; by default the scenario's.
+    - `q`: initial positions [n], rad or m; by default the scenario's.
     """
 
     def __init__(self, law: CompiledLaw, q: Sequence[float] | None = None) -> None:
@@ -35,7 +35,7 @@ class RehearsalArm:
         self.move_by.argtypes = [ctypes.c_void_p, law.real, law.vector]
 
     def measured(self) -> tuple[list[float], list[float]]:
-        """Return the positions and velocities that arrive now, which are older by the sensor's delay."""
+        """Return the measurement that arrives now, taken one sensor delay ago: positions and velocities [n]."""
         late = self.then[-1]
         return list(late.q), list(late.dq)
 
@@ -45,9 +45,11 @@ class RehearsalArm:
 
 
 def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most: float = 600.0) -> int:
-    """Run the motion to its end, but at most `most` seconds; return the last action: FINISH, STOP, or GO at timeout.
+    """Run the motion in simulation to its end, for at most `most` seconds; return the last action.
 
-    - `pilot`: the law with its reference path and checks, before its `begin`.
+    It is FINISH, or STOP if the pilot stopped the motion, or GO if the time was over first.
+
+    - `pilot`: the law with its reference path and checks; this function calls its `begin`.
     - `log`: log to which each period is added.
     """
     q, dq = arm.measured()

@@ -12,7 +12,7 @@ from .pilot import FINISH, STOP, CompiledLaw, load_law
 
 
 class Node:
-    """Runs the law once for each JointState message.
+    """ROS 2 node that runs the law once for each JointState message.
 
     - `ros`: an `rclpy` node.
     - `joints`: names of the joints, in the law's order.
@@ -60,7 +60,7 @@ class Node:
             self._end()
 
     def wanted(self, message: Any) -> None:
-        """Follow a JointTrajectory with all joints of the law in any order; others are ignored with a warning."""
+        """Follow a JointTrajectory with all joints of the law, in any order; ignore other joints with a warning."""
         logger = self.ros.get_logger()
         names = list(message.joint_names)
         wrong = [name for name in self.joints if names.count(name) != 1]

@@ -75,7 +75,7 @@ class Receive(Protocol):
 
 @dataclass(frozen=True)
 class UrOutcome:
-    """End of a motion.
+    """Outcome of a motion.
 
     - `ending`: "finished", "stopped" (by the pilot), "robot" (stopped by the robot), or "no robot".
     - `why`: the reason in words.
@@ -98,7 +98,7 @@ def run_ur(
     """Move the arm until the motion is over or a check fails.
 
     - `control`, `receive`: the connections to the robot, for commands and for measurements.
-    - `pilot`: the law with its reference path and checks, before its `begin`.
+    - `pilot`: the law with its reference path and checks; this function calls its `begin`.
     - `log`: log to which each period is added.
     - `stop_requests`: list to which a signal handler may append; the arm comes to rest once it is not empty.
     - `friction`: shares of viscous and of Coulomb friction that the robot compensates, one number per joint each.

@@ -1,4 +1,4 @@
-"""The closed loop as WebAssembly, with tunable values as inputs."""
+"""The closed loop as a WebAssembly program, with tunable values (those with a slider) as inputs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ TITLES = {
 
 
 def signals_of(loop: ClosedLoop, before: Carry, log: Log) -> dict[str, Any]:
-    """Return the signals that a page logs at one sample by name, each a scalar or [n].
+    """Return the signals that a page logs at one sample, by name, each a scalar or [n].
 
     Bounds are those of the scheme's envelope, or of the tolerance band that judges a scheme without an envelope.
 
@@ -61,7 +61,7 @@ def signals_of(loop: ClosedLoop, before: Carry, log: Log) -> dict[str, Any]:
 
 
 def bounds_of(loop: ClosedLoop, before: Carry, log: Log) -> Envelope | None:
-    """Return the bounds of the scheme's envelope, or of the tolerance band; None if there is neither."""
+    """Return the error bounds of the scheme's envelope, else of the tolerance band; None if there is neither."""
     if log.envelope is not None or loop.tolerance is None:
         return log.envelope
     assert before.tally.tolerance is not None
@@ -77,9 +77,11 @@ ROWS = 1000
 class Variant:
     """A scenario that a page can run, with the values that are inputs of its program.
 
-    - `family`: the scenario as described, with the dotted paths of the inputs.
-    - `templates`: the scenario as built.
-    - `defaults`: values of the inputs in the scenario, by dotted path.
+    An input is named by its path in the scenario, with dots, as in `--set`.
+
+    - `family`: the scenario's description, with the paths of the inputs.
+    - `templates`: the objects built from this description.
+    - `defaults`: values of the inputs in the scenario, by path.
     """
 
     family: Family
@@ -92,7 +94,7 @@ class Variant:
         return {path: value.shape for path, value in self.defaults.items()}
 
     def loop(self, values: Mapping[str, Any]) -> tuple[ClosedLoop, State]:
-        """Return the closed loop and its initial state for new inputs by path; other values are the scenario's."""
+        """Return the closed loop and its initial state for new values of some inputs, by path; others have defaults."""
         built = self.templates.built
         plant, controller, trajectory, state0, *tolerance = self.family.parts(self.templates, values)
         assert not isinstance(plant, MujocoPlant)
@@ -101,14 +103,14 @@ class Variant:
 
     @cached_property
     def parted(self) -> tuple[list[Any], Any, Any]:
-        """The loop's arrays, the structure of their tree, and all parts of the loop that are not arrays."""
+        """The loop's arrays as a list, the structure of their pytree, and the loop without its arrays."""
         arrays, rest = eqx.partition(self.loop({}), eqx.is_array)
         leaves, tree = jax.tree.flatten(arrays)
         return leaves, tree, rest
 
     @property
     def form(self) -> Any:
-        """All that compiled code depends on except the arrays' values; variants of equal form can share a program."""
+        """A key: variants with equal `form` can share a program, since they differ only in the values of arrays."""
         leaves, tree, rest = self.parted
         others, other_tree = jax.tree.flatten(rest)
         return tree, tuple((leaf.shape, leaf.dtype.name) for leaf in leaves), other_tree, tuple(others)
@@ -155,7 +157,7 @@ class Variant:
         return [of([atom]) for atom in jaxpr.outvars]
 
     def values(self, inputs: Array) -> dict[str, Array]:
-        """Split the input vector into the inputs; return them by dotted path."""
+        """Split the input vector into the inputs; return their values by path."""
         values, first = {}, 0
         for path, shape in self.shapes.items():
             size = int(np.prod(shape, dtype=int))
@@ -180,7 +182,7 @@ class LoopProgram:
 
     - `module`: the WebAssembly module.
     - `entry`: its call interface as JSON data; see `docs/browser.md`.
-    - `constants`: for each variant, its input vector without the tunable values, which come first.
+    - `constants`: for each variant, the rest of its input vector, which follows the tunable values.
     """
 
     module: Module
@@ -189,12 +191,11 @@ class LoopProgram:
 
 
 def loop_program(variants: Sequence[Variant]) -> LoopProgram | None:
-    """Return one program for several variants of a closed loop, which all must have the same `form`.
-
-    Returns None if an array that depends on the tunable values also differs between the variants.
+    """Compile one program that runs several variants of a closed loop, which must all have the same `form`.
 
     The program's inputs are the tunable values, the arrays that differ between the variants, the number of samples, and
-    the logging stride [samples].
+    the logging stride [samples]. Returns None if an array differs between the variants and also depends on the tunable
+    values.
 
     Raises DefinitionError if an operation of the loop cannot be compiled.
     """

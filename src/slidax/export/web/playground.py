@@ -43,9 +43,10 @@ def arm_entry(
 ) -> dict[str, Any]:
     """Return an arm's entry in the manifest, the data of a page: kinematics, shapes and limits.
 
-    - `label`, `title`: its identifier in the manifest, and its title on the page.
-    - `torque`, `rate`: limits of torque and torque rate [n], N m or N, and per second; infinite without a limit.
-    - `trajectory`, `t1`: its motion until `t1` [s], which determines the length of the rods of prismatic joints.
+    - `label`, `title`: the arm's identifier in the manifest, and its title on the page.
+    - `torque`, `rate`: limits of torque [n], N m or N, and torque rate [n], N m/s or N/s; infinite without a limit.
+    - `trajectory`, `t1`: the arm's motion and its end time [s]. They determine how long the rods of prismatic joints
+      are drawn.
     """
     bones = skeleton_of(robot)
     times = jnp.linspace(0.0, t1, INSTANTS)
@@ -166,7 +167,7 @@ def playground(
 ) -> dict[str, Any]:
     """Build the settings, and return the manifest of a page: the data that `page_text` embeds.
 
-    - `settings`: the settings; the page opens with the first one.
+    - `settings`: one arm with one scheme each; the page opens with the first.
     - `arms`: titles of the arms, by their identifiers in the settings.
     - `promised`: include the law in C and its certificates, which take most of the time.
     - `begin`: called before each setting with its name and the number of settings.
@@ -215,7 +216,8 @@ class PlaygroundArm:
     - `scenario`: name of a built-in scenario.
     - `arm`, `title`: identifier of the arm in the manifest, and its title on the page.
     - `changes`: changes of the scenario that do not alter the run, but make friction or rotor inertia tunable.
-    - `gains`: gains of the compared schemes: the best from a grid search on this run (`scripts/figures/panda.py`).
+    - `gains`: gains by name, for each compared scheme: the best from a grid search on this run
+      (`scripts/figures/panda.py`).
     - `choices`: quantities of which the page offers a few values.
     """
 
@@ -228,7 +230,7 @@ class PlaygroundArm:
 
     @property
     def description(self) -> ScenarioDescription:
-        """The scenario with `changes`; without any, a friction term of size 0 is added, so that friction is tunable."""
+        """The scenario with `changes`; if there are none, with a friction disturbance of size 0, which is tunable."""
         description = read_description(self.scenario)
         changes = dict(self.changes)
         if not changes:
@@ -313,7 +315,7 @@ def page_text(
 ) -> str:
     """Return the text of one HTML file that shows a playground.
 
-    - `manifest`: arms, programs and settings; binary data are in base64 of gzip.
+    - `manifest`: data from `playground`: arms, programs and settings.
     - `scripts`, `styles`: additional scripts before the page's own script, and styles after its own style.
     - `loop`: text of the JavaScript module that runs a program; by default the page's own `loop.js`.
     - `policy`: content security policy in the page; None leaves it to the header that a server sends.

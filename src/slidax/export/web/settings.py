@@ -1,4 +1,8 @@
-"""Settings of a page. A setting is one arm with one scheme: its programs, tunable values, C files and certificates."""
+"""Settings of a page. A setting is one arm with one scheme: its programs, tunable values, C files and certificates.
+
+A scheme is a control law. The manifest is the JSON data of a page. A variant is a setting's scenario with one
+combination of its choices.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +37,11 @@ TEMPLATES = (*STEP, "example.c.j2")
 def c_files(family: Family, templates: Templates, tunables: Sequence[Tunable]) -> dict[str, Any]:
     """Return a setting's manifest entries `c_files` and `c_parameters`; both None if the law cannot be exported.
 
-    In the C files, marks such as `@{k1[0]}` replace the defaults of the tunable values. The page inserts the current
-    values there.
+    In the C files, marks such as `@{k1[0]}` replace the defaults of the tunable values; the page inserts the current
+    values. `c_parameters` lists the marks of each value.
+
+    - `family`, `templates`: the setting's scenario as described, and as built.
+    - `tunables`: the tunable values.
     """
     try:
         exported = project(templates.built, name="law", with_golden=False)
@@ -95,9 +102,9 @@ def _alone(family: Family, templates: Templates, tunable: Tunable) -> bool:
 
 
 def certificates_of(scenario: Scenario, paths: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the verdicts of all certificates on a scenario, as JSON data; no simulations are run for them.
+    """Return the verdicts of all certificates on a scenario, as JSON data, without running simulations.
 
-    - `paths`: dotted paths of the tunable values; each verdict lists those on which it may depend.
+    - `paths`: paths of the tunable values, as in `--set`; each verdict lists those on which it may depend.
     """
     lights = []
     for certificate, verdict in zip(CERTIFICATES, certify(scenario, runs=0), strict=True):
@@ -123,7 +130,7 @@ PlacedVariant = tuple[tuple[int, ...], Variant]
 
 @dataclass(frozen=True)
 class ProgramChoice:
-    """A quantity with a few values to choose from, since another value may need another program.
+    """A quantity for which the page offers a few values, and no slider, since each value may need another program.
 
     - `path`: path in the scenario, as in `--set`.
     - `title`, `unit`: texts on the page.
@@ -193,9 +200,9 @@ class PageSetting:
 class BuiltSetting:
     """A setting with its programs.
 
-    - `family`, `templates`: its scenario as described, and as built.
-    - `tunables`: values that can vary within a program.
-    - `programs`: its programs, each with the variants that share it.
+    - `family`, `templates`: the setting's scenario as described, and as built.
+    - `tunables`: values that are inputs of the programs, so that they can change without compiling again.
+    - `programs`: pairs of the variants that share a program, and this program.
     """
 
     setting: PageSetting
@@ -323,7 +330,7 @@ def settings_of(
 
     - `arm`: identifier of the arm in the manifest.
     - `compared`: names of schemes, and `printed` for the law as printed in the paper.
-    - `gains`: gains of the compared schemes, by scheme name; the default gains are those of the scheme.
+    - `gains`: gains of the compared schemes, by scheme and gain; by default those of the scheme.
     - `choices`: quantities of which the page offers a few values.
 
     Raises DefinitionError if a scheme does not exist or has parameters without defaults.

@@ -100,7 +100,7 @@ class Tunable:
         return np.broadcast_to(self.leaf.own, self.shape).astype(float)
 
     def entry(self, start: int) -> dict[str, Any]:
-        """Return the value's entry in the manifest; `start` is the index of its first number among all inputs."""
+        """Return the value's entry in the manifest (a page's JSON data); `start` is the index of its first number."""
         assert self.leaf.own is not None
         return {
             "path": self.path,
@@ -121,9 +121,10 @@ class Tunable:
 def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
     """Return the values that may get a slider, sorted by group, within a group in the order of the scenario.
 
-    Some of them may change the compiled code, so that they cannot vary within one program.
+    A value may still be one on which the compiled code depends. It then cannot have a slider.
 
-    - `description`: the scenario, with the robot's description itself in place of its file name.
+    - `description`: the scenario; it contains the robot's description itself, and not the name of its file.
+    - `joints`: number of joints.
     """
     tunables = []
     for path, field in _numbers(description, ""):
@@ -206,7 +207,7 @@ def _beside(description: ScenarioDescription, path: str) -> tuple[float, float]:
 
 
 def value_at(place: Any, names: Iterable[str]) -> Any:
-    """Return the value at a path of fields and indices below `place`."""
+    """Return the value inside an object at a path, which is a list of field names and indices."""
     for name in names:
         place = place[int(name)] if isinstance(place, tuple | list) else getattr(place, name)
     return place

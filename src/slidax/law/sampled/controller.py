@@ -49,21 +49,22 @@ STRONGEST = 1e6
 
 
 class SampledData(AbstractController):
-    """A law that is evaluated once a period, for the time when its torque sets in: `τ = τ_step - M0 w` within limits.
+    """The sampled-data form of a law: once in each period it computes `τ = τ_step - M0 ŵ` within the torque limits.
 
-    M0 is the inertia matrix, w the estimated disturbance. With an adaptation M0 is the corrected M̂, and the learnt
-    friction is compensated at the reference's velocity.
+    τ_step is the torque of the discrete-time `step`, M0 the nominal inertia matrix, and ŵ the estimated disturbance, an
+    acceleration. With an adaptation M0 is the corrected M̂, and the learnt friction is compensated.
 
-    At each sample the estimator corrects the nominal arm's prediction, and estimates the acceleration w that the model
-    does not explain. The arm is then predicted under the pending commands, the step computes a torque for the predicted
-    state, and w is compensated. Of all torques within the limits, the law returns the one whose accelerations are
-    nearest to the desired ones. While samples are lost the last torque stands; the next prediction accounts for it.
+    1. The estimator corrects the nominal arm's prediction by the measurement, and estimates ŵ.
+    2. The arm is predicted over the delay, under the commands that have not acted yet.
+    3. The step computes a torque for the predicted state, and ŵ is compensated.
+    4. Of all torques within the limits, the law returns the one whose accelerations are nearest to the desired ones.
 
-    With `midpoint` the torque is the inverse dynamics `M0(q_m) (u - w) + C0 v_m + G0(q_m)` in the middle of its period,
+    While samples are lost the last torque is held, and the next prediction accounts for it. A sample that the gate
+    rejects counts as a lost one: only the gate's memory changes.
+
+    With `midpoint` the torque is the inverse dynamics `M0(q_m) (u - ŵ) + C0 v_m + G0(q_m)` in the middle of its period,
     `q_m = q + h/2 q̇ + h²/8 u`, `v_m = q̇ + h/2 u`, for the acceleration u of the step at the predicted (q, q̇). The
     prediction over the delay then uses the accelerations that were planned, limits included.
-
-    A sample that the gate rejects counts as a lost one: the last torque stands, and only the gate's memory changes.
 
     Signals: those of the step, `disturbance` (ŵ), `residual` (the acceleration that the last prediction missed) [n],
     and `rejected`, 1 for a sample that the gate did not accept, where all other signals are 0; with an adaptation
@@ -78,15 +79,15 @@ class SampledData(AbstractController):
         "H, time over which a step plans; None for a law without a plan", "s", ">= period", default=None
     )
     delay: float = parameter(
-        "age of a measurement when its torque sets in, transport and dead time together; with `actual_delay` the "
-        "largest age",
+        "time from a measurement until its torque acts, transport and dead time together; with `actual_delay` its "
+        "largest value",
         "periods",
         ">= 0",
         default=0.0,
         static=True,
     )
     actual_delay: Scalar | None = parameter(
-        "present age, which may be changed while the law runs; None for `delay`",
+        "present delay, which may be changed while the law runs; None for `delay`",
         "periods",
         "[dead_time, delay]",
         "since the law keeps the commands of `delay` periods",
@@ -169,11 +170,11 @@ class SampledData(AbstractController):
 
     @property
     def believed_delay(self) -> float | Scalar:
-        """Age of a measurement when its torque sets in, as the law believes [periods]."""
+        """Delay that the law assumes, from a measurement until its torque acts [periods]."""
         return self.delay if self.actual_delay is None else self.actual_delay
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:
-        """Return the memory of an arm at rest under the torque of its own weight."""
+        """Return the memory at the start; the earlier torques are assumed to be C0 q̇ + G0 at the measured state."""
         # A velocity that the estimator does not use may have any value.
         state = State(q=state.q, dq=jnp.clip(state.dq, -self.gate.speed, self.gate.speed))
         held = self.nominal.bias(state.q, state.dq)
@@ -211,7 +212,7 @@ class SampledData(AbstractController):
     def gated(
         self, t: Scalar, state: State, reference_now: Reference, reference_next: Reference, memory: LawMemory
     ) -> tuple[Command, Bool[Array, ""]]:
-        """Return the command, and True if the gate accepts the sample; else only `memory.gate` is meaningful."""
+        """Return the command, and True if the gate accepts the sample; otherwise only `memory.gate` in it is valid."""
         admission, gate = self.gate(
             t, state, memory.t, memory.prior.state.q, self.period, self.estimator.reads_velocity, memory.gate
         )

@@ -51,7 +51,7 @@ class GateMemory(eqx.Module):
     - `q`, `dq`: the last accepted measurement, [n] each.
     - `suspect_t`, `suspect`: time stamp and measurement of the last rejected sample.
     - `consistent`: rejected samples in a row that are consistent with each other; 0 after an accepted one.
-    - `same`: accepted samples in a row whose positions are the same to the last bit.
+    - `same`: accepted samples in a row that repeat the previous positions to the last bit.
     """
 
     q: Vector
@@ -67,7 +67,7 @@ class Admission(eqx.Module):
 
     - `accepted`: True if the law may use the sample.
     - `restarts`: True if the sample is accepted because previous rejected samples confirm it; the law then restarts.
-    - `dq`: velocity at a restart, from the accepted sample [n].
+    - `dq`: velocity for a restart [n], rad/s or m/s.
     """
 
     accepted: Bool[Array, ""]
@@ -76,25 +76,27 @@ class Admission(eqx.Module):
 
 
 class MeasurementGate(AbstractPart):
-    """Accept a sample only if the arm can have moved there since the last accepted one.
+    """Accept a sample only if the arm can have moved there since the last accepted sample.
 
-    With the time T since then and the period h, a sample is accepted if for every joint
+    q and dq are the last accepted measurement, q' and dq' the new one, T the time between both, and h the period. The
+    gate accepts a sample if `0.1 h <= T <= 100 h`, and for every joint
 
         |q'| <= q_max,   |q' - q| <= speed (T + h) + spread,
         |dq' - dq| <= (2 / patience) speed (T/h + 1) + acceleration (T + h),
-        |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread,
+        |q' - q - T (dq' + dq)/2| <= T (acceleration (T + 4 h) + 0.02 speed) + 2 spread.
 
-    the last two only if the estimator uses velocities, and if `0.1 h <= T <= 100 h`. The sensor counts as frozen from
-    the third sample in a row with identical positions while the law predicts that a joint has moved by more than
-    `2 spread + acceleration T h`; the sample is then rejected, too. Over a shorter distance a joint that rests against
-    friction or a disturbance looks the same. A rejected sample counts as a lost one: the last torque stands, and the
-    law's memory does not change. The windows grow with T, so that the gate opens again by itself after any possible
-    motion of the arm.
+    The last two conditions apply only if the estimator uses velocities. The bounds grow with T, so that samples are
+    accepted again after any possible motion of the arm. A rejected sample counts as a lost one: the last torque is
+    held, and the law's memory does not change.
 
-    A sensor or a clock can jump permanently. After more than `patience` samples in a row that are consistent with each
-    other (two, if only the time stamp is implausible) the law accepts them and restarts: it keeps its disturbance
-    estimate, its learnt parameters and the sides of its envelope, and takes the measured state. A sample outside
-    `q_max` is never accepted.
+    The gate also rejects samples of a frozen sensor: from the third sample in a row that repeats the previous positions
+    exactly, while the law predicts that a joint has moved by more than `2 spread + acceleration T h`. A smaller
+    predicted motion may be wrong, for a joint that rests against friction or a disturbance.
+
+    A sensor or a clock can jump permanently. After more than `patience` rejected samples in a row that are consistent
+    with each other, the law accepts them and restarts. If only the time stamp is implausible, two samples suffice. The
+    restart takes the measured state and keeps the disturbance estimate, the learnt parameters and the sides of the
+    envelope. A sample outside `q_max` is never accepted.
     """
 
     q_max: PerJoint = parameter("largest magnitude of a measured position", "rad or m", "> 0", default=1e4)
@@ -115,11 +117,12 @@ class MeasurementGate(AbstractPart):
         limited: bool = True,
         **parameters: Any,
     ) -> MeasurementGate:
-        """Return the gate for an arm: 1.5 times its position limits, and 4 times its velocity limits.
+        """Return the gate for an arm, with 1.5 times its position limits and 4 times its velocity limits.
 
-        A disturbance can make a joint faster than its velocity limit. Without a position limit a joint gets 1e4 rad or
-        m. The acceleration is four times `torque / mass`, if both are known. Without a velocity limit a joint gets the
-        speed after one turn, or one metre, from rest at that acceleration, at most 100 rad/s or 20 m/s.
+        A disturbance can make a joint faster than its velocity limit. `acceleration` is four times `torque` over the
+        joint's inertia, at most 1e4 rad/s² or m/s². A joint without a position limit gets `q_max` = 1e4 rad or m. A
+        joint without a velocity limit gets the `speed` after one turn, or one metre, from rest at its `acceleration`,
+        at most 100 rad/s or 20 m/s.
 
         - `arm`: the arm as the law knows it.
         - `torque`: largest torque, one number or [n], N m or N; infinite if it is not known.
@@ -164,7 +167,7 @@ class MeasurementGate(AbstractPart):
         """True if a measurement is near enough to its prediction to learn parameters from it.
 
         The position must be within `0.4 h speed + spread` of its prediction, a used velocity within
-        `(0.04 + 10 h) speed`: a larger difference comes from an outlier, a collision or a disturbance, not from
+        `(0.04 + 10 h) speed`. A larger difference comes from an outlier, a collision or a disturbance, not from
         the inertia and friction of the joint.
 
         - `state`, `predicted`: measured state, and the law's prediction of it.

@@ -13,12 +13,12 @@ from slidax.plant.actuators import TorqueLimits
 
 
 def compensated_share(lumped: Vector, cover: Scalar | None, limits: TorqueLimits) -> Scalar:
-    """Return the share of the disturbance torque `M0 w` that is compensated, 0 to 1.
+    """Return the share of the estimated disturbance torque `M0 ŵ` that the law compensates, 0 to 1.
 
     The compensated torque is limited by the law's own bound or, without one, by the torque limits.
 
-    - `lumped`: `M0 w` [n], N m or N.
-    - `cover`: the law's bound of the norm ‖M0 w‖, N m; None without one.
+    - `lumped`: `M0 ŵ` [n], N m or N.
+    - `cover`: the law's bound of the norm ‖M0 ŵ‖, N m; None without one.
     """
     if cover is None:
         return 1.0 / jnp.maximum(jnp.max(jnp.abs(lumped) / limits.torque), 1.0)
@@ -31,8 +31,10 @@ def within_limits(
 ) -> tuple[Vector, Vector, Bool[Array, ""]]:
     """Return the torque within the limits, the acceleration that they withhold, and True if they withhold none.
 
+    Of all torques within the limits, the result has the accelerations that are nearest to those of `wanted`.
+
     - `wanted`, `last`: this sample's torque before the limits, and the torque of the last sample [n], N m or N.
-    - `m0`: inertia matrix M0 [n n]. Of all torques within the limits, the result has the nearest accelerations.
+    - `m0`: inertia matrix M0 [n n].
     - `period`: h [s].
     """
     endless = jnp.full_like(wanted, jnp.inf)

@@ -22,15 +22,15 @@ class LawMemory(eqx.Module):
     - `t`: time of the last sample [s].
     - `prior`: the nominal model's prediction of the next measurement.
     - `estimator`: memory of the estimator.
-    - `torques`: pending commands, the oldest first, [m n].
-    - `dq`: velocity that is planned for the next sample, [n].
+    - `torques`: commands that have not acted yet, and earlier ones, the oldest first, [m n], N m or N.
+    - `dq`: velocity that is planned for the next sample, [n], rad/s or m/s.
     - `planned`: True if this plan is valid, since no limit withheld any torque.
     - `step`: memory of the step.
     - `adapted`: memory of the adaptation; None without one.
-    - `watched`: memory of the monitor; None without a monitor.
+    - `watched`: memory of the monitor; None without a monitor, or for a law without a plan.
     - `gate`: last accepted and last rejected measurements.
-    - `accelerations`: planned accelerations of the nominal arm under the pending commands, the oldest first, [d n];
-      None without `midpoint`, or without a delay.
+    - `accelerations`: planned accelerations of the nominal arm under the commands that have not acted yet, the oldest
+      first, [d n]; None without `midpoint`, or without a delay.
     """
 
     t: Scalar
@@ -51,7 +51,7 @@ class LearnedModel(NamedTuple):
 
     - `robot`: robot with the estimated parameters.
     - `estimate`: estimated state, and the disturbance with respect to this robot.
-    - `net`: pending torques without the compensated friction [k n], N m or N.
+    - `net`: commands that have not acted yet, less the compensated friction, the oldest first, [k n], N m or N.
     - `adapted`: the adaptation's memory; None for a law that does not learn.
     - `settled`: True while the law uses the learnt model with its full weight.
     """

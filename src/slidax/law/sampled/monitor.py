@@ -1,4 +1,7 @@
-"""The guarantee monitor: compare each sample with the assumptions of the guarantee."""
+"""The guarantee monitor: compare each sample with the assumptions under which the error stays in its envelope.
+
+The led error is `y = e + c ė` with the lead time `c = H - h/2`, the horizon H of the law's plan and the period h.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +34,12 @@ FASTER = 4.0
 
 
 class MonitorMemory(eqx.Module):
-    """Memory of a monitor.
+    """Memory of a `Monitor` between two samples.
 
     - `begun`: True after the first sample.
     - `missed`: x, the unplanned part of the led error [n], rad or m.
-    - `expected`: planned state at the next sample.
-    - `followed`: planned state at the next sample by the second filter, which uses positions alone.
+    - `expected`: planned state at the next sample, from the law's own estimate.
+    - `followed`: planned state at the next sample, from the monitor's own filter of measured positions.
     """
 
     begun: Bool[Array, ""]
@@ -46,31 +49,32 @@ class MonitorMemory(eqx.Module):
 
 
 def used_share(y: Vector, share: PerJoint, envelope: Envelope) -> Array:
-    """Largest ratio of `y` [n] to the allowed `share` of the envelope's side towards which it points."""
+    """Largest ratio, over the joints, of `y` [n] to `share` times the side of the envelope towards which y points."""
     return jnp.max(jnp.maximum(y / (share * envelope.upper), y / (share * envelope.lower)))
 
 
 class Monitor(AbstractPart):
-    """Warn before the error leaves its envelope: the led error leaves its own envelope one horizon earlier.
+    """Warn before the error leaves its envelope: the led error y reaches its bound about one horizon earlier.
 
-    In one period the led error `y = e + c ė`, `c = H - h/2`, moves by the share `r = h/H` towards a place inside its
-    envelope, plus the unplanned motion. It is therefore the sum of a part that stays inside for any plan, and a part x
-    that comes only from unplanned motion (docs/sampled-data.md). The second part obeys
+    In one period a plan moves y by the share `r = h/H` towards a value inside the envelope. Unplanned motion adds to
+    this. y is therefore the sum of a part that stays inside for any plan, and a part x that comes only from unplanned
+    motion (docs/sampled-data.md):
 
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
-    with the predicted state and the state that the last step planned. Torque that the limits withheld adds to x.
-    An estimator that is slower than the horizon shows x too late. Therefore a second filter computes x and y from
-    measured positions: an α-β filter around the plan with the poles `p1 = 1 - h/H` and `p2 = 1 - 4 h/H`, whose
-    innovation times `(1 - p2) H/h` is x delayed by the second pole; the worse of both counts. The loop-rate rule
-    guarantees that x takes at most `share` of the envelope's side towards which it points, at t + c, and that y stays
-    within `led` times its own envelope. The other side may be narrower: x does not move the error there. e is a
-    weighted mean of the past y, so that e cannot leave before y does.
+    with the predicted state (q, q̇) and the state that the last step planned. Torque that the limits withheld adds to x.
+    An estimator that is slower than the horizon shows x too late. A second filter therefore computes x and y from
+    measured positions, and the larger values count. It is an α-β filter around the plan with the poles `p1 = 1 - h/H`
+    and `p2 = 1 - 4 h/H`; its innovation times `(1 - p2) H/h` is x delayed by the second pole.
+
+    The loop-rate rule bounds x by `share`, and y by `led`, times the envelope's side towards which they point, at
+    t + c (docs/loop-rate.md). The other side may be narrower: x does not move the error there. e is a weighted mean of
+    the past y, so that e cannot leave before y does.
 
     Signals: `margin`, the least `1 - x/(share b ρ)` and `1 - y/(led b ρ)` of all joints, with b of the side towards
     which each points, negative if the guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large,
     `2`: a learnt inertia is outside the range of the guarantee, `4`: y is too near to its envelope, `8`: the estimated
-    disturbance is larger than `disturbance`. A law without a plan has the last check alone.
+    disturbance is larger than `disturbance`. For a law without a plan only the last check is made.
     """
 
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
@@ -172,7 +176,7 @@ class Monitor(AbstractPart):
         return kept, {"margin": margin, "assumption_violated": violated}
 
     def without_plan(self, disturbance: Vector) -> dict[str, Array]:
-        """Return the signals of a law that has no plan: those of the estimated disturbance ŵ."""
+        """Return the signals for a law without a plan, from its estimated disturbance ŵ [n], rad/s² or m/s²."""
         bound = jnp.inf if self.disturbance is None else self.disturbance
         ratio = jnp.max(jnp.abs(disturbance) / bound)
         return {"margin": 1.0 - ratio, "assumption_violated": jnp.where(ratio > 1.0, UNMODELLED, 0.0)}

@@ -1,4 +1,7 @@
-"""Prediction over the delay, and the inputs of the adaptation."""
+"""Prediction of the arm over the delay, and the inputs of the adaptation.
+
+The delay is the time from a measurement until its torque acts. Commands that have not acted yet are pending.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,11 @@ from ..estimators import Estimate
 
 
 def commands_kept(delay: float) -> int:
-    """Return the number of commands in the memory: all pending ones, and at least the last, for the rate limit.
+    """Return the number of past commands that a law stores: all pending ones, and at least the last one.
 
-    - `delay`: age of a measurement when its torque sets in [periods].
+    The torque rate limit needs the last command also without a delay.
+
+    - `delay`: time from a measurement until its torque acts [periods].
     """
     return max(1, math.ceil(delay))
 
@@ -41,14 +46,14 @@ def free_acceleration(nominal: AbstractRobot, state: State, tau: Vector) -> Vect
 def left_unexplained(
     before: AbstractRobot, after: AbstractRobot, changed: Bool[Array, ""], estimate: Estimate, reference: Reference
 ) -> Vector:
-    """Return the disturbance torque with respect to a changed model [n], N m or N, without friction.
+    """Return the disturbance torque for a changed arm model, [n], N m or N, without friction.
 
-    It is `M_old w + (M_new - M_old) q̈_d + b_new - b_old`, with the inertia M and the bias b = C q̇ + G of both models:
-    the change of the model then does not change the law's torque.
+    It is `M_old ŵ + (M_new - M_old) q̈_d + b_new - b_old`, with the inertia matrix M and the bias b = C q̇ + G of both
+    models. With this disturbance the change of the model does not change the law's torque.
 
-    - `before`, `after`: the arm before and after the change.
-    - `changed`: False if only the rotors differ: the model of the links is then evaluated once.
-    - `estimate`: estimated state, and the disturbance w with respect to the arm before the change.
+    - `before`, `after`: the arm model before and after the change.
+    - `changed`: False if only the rotors differ, so that the model of the links is evaluated once.
+    - `estimate`: estimated state, and the disturbance ŵ with respect to `before`.
     - `reference`: desired motion, with the acceleration q̈_d.
     """
     assert isinstance(before, Believed)
@@ -65,7 +70,7 @@ def left_unexplained(
 
 
 class Prediction(NamedTuple):
-    """Prediction of the arm over the delay, from a measurement to the time when its torque sets in.
+    """Prediction of the arm over the delay.
 
     - `state`: predicted state when this sample's torque sets in.
     - `following`: predicted state at the next measurement; None if it depends on this sample's torque.
@@ -80,12 +85,12 @@ class Prediction(NamedTuple):
 def predict_state(
     estimate: Estimate, acceleration: Callable[[State, int], Vector], delay: float, period: Scalar
 ) -> Prediction:
-    """Return the prediction under each pending command in turn, with the estimated disturbance.
+    """Return the prediction over the delay, under the pending commands and the estimated disturbance.
 
     - `estimate`: state and disturbance at the measurement.
-    - `acceleration`: function that returns the nominal arm's acceleration [n] from its state and the command's age in
-      samples.
-    - `delay`: age of a measurement when its torque sets in [periods].
+    - `acceleration`: function that returns the nominal arm's acceleration [n] for a state and the command of k samples
+      ago, from the state and k.
+    - `delay`: time from a measurement until its torque acts [periods].
     - `period`: h [s].
     """
     accelerations: list[Vector] = []
@@ -111,10 +116,12 @@ def predict_state(
 def predict_up_to(
     estimate: Estimate, acceleration: Callable[[State, int], Vector], pending: int, delay: Scalar, period: Scalar
 ) -> Prediction:
-    """Return the prediction, as `predict_state`, for a delay that is known only at run time, at most `pending` periods.
+    """Return the prediction, as `predict_state`, for a delay that is known only at run time.
 
     The command of k samples ago acts for `min(max(delay - (k - 1), 0), 1)` periods, which may be 0. `following` of the
-    result is the state at the next measurement or, if that is earlier, when this sample's torque sets in.
+    result is the state at the next measurement or when this sample's torque sets in, whichever is earlier.
+
+    - `pending`: largest delay [periods].
     """
     accelerations: list[Vector] = []
     now = following = estimate.state
@@ -130,12 +137,12 @@ def predict_up_to(
 
 
 def reference_ahead(now: Reference, following: Reference, dead_time: float, period: Scalar) -> Reference:
-    """Return the desired motion a dead time after a sample, with the mean acceleration over the period after that.
+    """Return the desired motion at the end of the dead time, with its mean acceleration over the following period.
 
-    By a Taylor series, whose error is of the order of the third derivative times the cube of the dead time.
+    It is a Taylor series, whose error is of the order of the third derivative times the cube of the dead time.
 
     - `now`, `following`: desired motion at the sample and one period later.
-    - `dead_time`: dead time [periods].
+    - `dead_time`: time from the command until its torque acts [periods].
     - `period`: h [s].
     """
     mean = (following.dq - now.dq) / period
@@ -154,8 +161,8 @@ class AdaptationMemory(eqx.Module):
     """Memory of a sampled-data law's adaptation between two samples.
 
     - `memory`: memory of the adaptation.
-    - `friction`: friction compensation in each pending command, the oldest first, [m n].
-    - `recovering`: duration of the current recovery so far [s].
+    - `friction`: compensated friction in each pending command, the oldest first, [m n], N m or N.
+    - `recovering`: time for which a joint has been on its way back into its envelope (`Recovery`) [s].
     """
 
     memory: Memory
@@ -172,12 +179,12 @@ class AdaptationMemory(eqx.Module):
 def mean_past_torque(torques: Float[Array, "m n"], delay: float, actual: Scalar | None = None) -> Vector:
     """Return the mean torque in the period before a measurement, [n], N m or N.
 
-    With a whole number D of periods of delay this torque is the command of D + 1 samples ago. Otherwise the torque
-    changed within the period, and the mean has two terms.
+    For a delay of D whole periods this torque is the command of D + 1 samples ago. For other delays the torque changed
+    within the period, and the mean has two terms.
 
-    - `torques`: pending commands and those before, the oldest first [m n].
-    - `delay`: age of a measurement when its torque sets in [periods].
-    - `actual`: age at run time, at most `delay`; None for `delay`.
+    - `torques`: pending and earlier commands, the oldest first, [m n], N m or N.
+    - `delay`: time from a measurement until its torque acts [periods].
+    - `actual`: the delay at run time, at most `delay` [periods]; None for `delay`.
     """
     if actual is not None:
         weights = [jnp.maximum(1.0 - jnp.abs(actual - float(age)), 0.0) for age in range(math.ceil(delay) + 1)]

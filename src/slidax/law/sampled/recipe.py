@@ -26,10 +26,11 @@ from .monitor import Monitor
 
 
 class ExplicitStep(AbstractStep):
-    """`τ = law(t, q, q̇)`, with the predicted q and q̇ and the reference's mean acceleration over the period.
+    """A printed law as a discrete-time step: `τ = law(t, q, q̇)` at the predicted q and q̇.
 
-    A memory whose rate the law returns is integrated over the period, except while the limits withhold torque. Only the
-    torque limits bound the compensated disturbance, since such a law has no robust torque u.
+    The reference has its mean acceleration over the period. If the law returns a rate of its memory, the memory is
+    integrated over the period, except while the limits withhold torque. Only the torque limits bound the compensated
+    disturbance, since such a law has no robust torque u.
 
     Signals: those of the law.
     """
@@ -100,17 +101,17 @@ def sampled_data(
 
     - `law`: the law in continuous time.
     - `period`: h [s].
-    - `horizon`: H [s], >= h, of an implicit step; None: 12 ms, but no less than two periods, nor than 1.5 (`delay` + 1)
-      of them.
+    - `horizon`: H [s], >= h, of an implicit step. None: 12 ms, but at least 2 and 1.5 (D + 1) periods, with the largest
+      delay D.
     - `estimator`: estimates q, q̇ and the unexplained acceleration from measurements; None: `Measured.tolerant` with
       a gain of at most 2 h/H, for sensors that measure velocities.
     - `limits`: known limits of torque and torque rate; None for none.
-    - `recovery`: policy of an implicit step outside the envelope; None: pull back to the prescribed envelope.
-    - `delay`: age of a measurement when its torque sets in, in periods.
+    - `recovery`: policy of an implicit step outside the envelope; None: return to the prescribed envelope.
+    - `delay`: time from a measurement until its torque acts, in periods.
     - `delay_at_most`: largest delay that can be set while the law runs, in periods; None: `delay` is fixed.
     - `dead_time`: part of `delay` after the command, in periods.
-    - `slopes`: True to include in τ0 + τ1, from which the size u of the robust torque is computed, the acceleration
-      that keeps s constant, as in the paper's eq. (45). False leaves it out, so that u is smaller.
+    - `slopes`: the size u of the robust torque grows with τ0 + τ1, the paper's eq. (45). True includes in τ0 + τ1 the
+      acceleration that keeps s constant, as printed. False leaves it out, so that u is smaller.
     - `calm`: settings of calm steps, which change the torque least while the error is well inside its envelope; None
       for none.
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.

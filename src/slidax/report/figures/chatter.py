@@ -49,10 +49,10 @@ class ChatterInterval(NamedTuple):
 
 
 def chatter(t: np.ndarray, y: np.ndarray, height: float) -> list[ChatterInterval]:
-    """Return the intervals in which a torque alternates quickly, and far enough to be visible.
+    """Return the intervals in which a torque oscillates quickly, with an amplitude that is visible in the figure.
 
-    Swings are measured from the mean of neighbouring turning points, which follows the motion. So the band of a steep
-    transient with a ripple is as narrow as the ripple.
+    The oscillation is measured relative to a moving average of its turning points. A steep transient therefore does not
+    widen the band.
 
     - `t`: increasing times [samples], s.
     - `y`: torque of one joint [samples].

@@ -101,17 +101,21 @@ def require_looks(named: Mapping[str, Any]) -> None:
 
 
 def columns_for(curves: int, points: int) -> int:
-    """Return the number of time intervals for thinning, for a figure of `curves` with `points` per interval."""
+    """Return the number of time intervals into which the curves of a figure are thinned.
+
+    - `curves`: number of curves in the figure.
+    - `points`: number of points that a thinned curve has in each interval.
+    """
     return int(np.clip(POINTS // (curves * points), 30, 160))
 
 
 def linear_range(values: Sequence[np.ndarray], span: float = SPAN) -> tuple[float, float]:
-    """Return the limits of a linear axis: 0 and all values, unless a few peaks would flatten the rest.
+    """Return the limits of a linear axis that shows 0 and all values, but cuts off a few high peaks.
 
-    A curve's usual value is the larger magnitude of its 1 % and 99 % quantiles.
+    The size of a curve is the larger magnitude of its 1 % and 99 % quantiles.
 
     - `values`: values of each curve [samples].
-    - `span`: limit of the axis, as a multiple of the curves' median usual value; infinite shows all values.
+    - `span`: largest limit, as a multiple of the curves' median size; with infinity, the axis shows all values.
     """
     inner = np.array([np.quantile(value, (0.01, 0.99)) for value in values if len(value)] or [(-1.0, 1.0)])
     whole = np.array([(value.min(), value.max()) for value in values if len(value)] or [(-1.0, 1.0)])
@@ -133,7 +137,7 @@ def clip_outside(y: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
 def crest(t: np.ndarray, size: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the times and the values of the largest sample in each of several equal time intervals.
 
-    Errors that oscillate about zero become lines at their amplitude, which can be distinguished.
+    An error that oscillates about zero becomes a line at its amplitude, so that several errors can be compared.
 
     - `t`: increasing times [samples], s.
     - `size`: absolute values of the error [samples].
@@ -155,7 +159,7 @@ def zero_line(axes: Axes) -> None:
 
 
 def name_runs(figure: Figure, names: Iterable[str], more: Sequence[Any] = ()) -> None:
-    """Add a legend to a `figure`: the `names` of runs, which have the `LOOKS` in order, and `more` handles."""
+    """Add a legend to a `figure`: the `names` of runs, with the line styles `LOOKS` in order, and `more` handles."""
     handles = [Line2D([], [], **look, label=name) for name, look in zip(names, LOOKS, strict=False)]
     handles += more
     legend_above(figure, handles, columns=-(-len(handles) // legend_rows(len(handles), figure.get_figwidth())))
@@ -299,8 +303,8 @@ DESIRED: dict[str, Any] = {"color": "0.7", "linewidth": 3.2, "linestyle": "-", "
 def compared_tip_paths(paths: Mapping[str, np.ndarray], desired: np.ndarray) -> Figure:
     """Tip paths of all schemes over the desired path, seen from above; also from the side if the desired path rises.
 
-    Each path starts at a ring. The picture extends beyond the desired path by at most the desired path's size, or twice
-    that to show a start; the rest of a path is cut off.
+    Each path starts at a ring. The axes exceed the desired path by at most its size, or by twice its size to show the
+    start of a path. Parts of a path beyond the axes are cut off.
 
     - `paths`: tip positions [samples 3], m, by name.
     - `desired`: desired tip positions [samples 3], m.

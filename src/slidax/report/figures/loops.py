@@ -154,7 +154,7 @@ LEAST = 0.2
 
 @styled
 def latencies(times: Mapping[str, np.ndarray], period: float) -> Figure:
-    """Number of ticks of the control loop over their latency, on logarithmic axes that show rare delays.
+    """Histogram of the control loop's latencies, on logarithmic axes that show rare delays.
 
     - `times`: latencies of all ticks by name, s.
     - `period`: sample time, drawn as a line [s].

@@ -42,7 +42,10 @@ class NotebookFigure(Figure):
 
 
 def drawn_by(settings: Any) -> Callable[[Callable[Given, Drawn]], Callable[Given, Drawn]]:
-    """Return a decorator for drawing functions: matplotlib's `settings` apply inside; notebooks show the figures."""
+    """Return a decorator that runs a drawing function with matplotlib's `settings` and makes its figure notebook-ready.
+
+    A notebook shows the returned figure as SVG.
+    """
 
     def decorated(draw: Callable[Given, Drawn]) -> Callable[Given, Drawn]:
         @functools.wraps(draw)
@@ -154,7 +157,7 @@ def legend_above(figure: Figure, handles: Sequence[Artist], columns: int | None 
 
 
 def use_time_axis(axes: Axes, start: float, end: float) -> None:
-    """Label time from `start` to `end` [s] on `axes`, with a gap before the start for steep beginnings."""
+    """Label time from `start` to `end` [s] on `axes`; a gap before the start keeps steep beginnings visible."""
     axes.set_xlabel(r"$t$  [s]")
     axes.set_xlim(start - 0.012 * (end - start), end)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
@@ -295,9 +298,10 @@ def every_nth(points: np.ndarray, most: int = 160) -> np.ndarray:
 
 
 def off_lines(points: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return a mask [k] of the `points` [k 2] to keep; a polyline through these misses no other by over `tolerance`.
+    """Return a mask [k] of the points to keep in a simplified polyline, by Douglas and Peucker's algorithm (1973).
 
-    Douglas and Peucker's algorithm (1973).
+    - `points`: vertices of the polyline [k 2].
+    - `tolerance`: largest distance of a removed point from the simplified polyline.
     """
     keep = np.zeros(len(points), bool)
     keep[[0, -1]] = True
@@ -415,7 +419,7 @@ def to_svg(figure: Figure, name: str) -> str:
 
 
 def inline_svg(svg: str) -> str:
-    """Return an SVG of `to_svg` without prolog, namespaces and dark colours, which a page has once for all figures."""
+    """Return an SVG of `to_svg` without prolog, namespaces and dark-mode rules; a page has these once for all."""
     return NAMESPACE.sub("", PROLOG.sub("", svg)).replace(dark_rules(), "").strip()
 
 

@@ -24,7 +24,7 @@ from .solids import LOAD, Solid, merge_solids, turn_up
 
 @dataclass(frozen=True)
 class PayloadMotion:
-    """The pose of a payload in each frame of a replay. The payload's own frame is the tip frame while it is carried.
+    """Pose of a payload in each frame of a replay. While the tip carries the payload, the payload's frame is the tip's.
 
     - `solid`: the box of uniform density with the payload's mass and moments of inertia.
     - `rotations`, `positions`: pose of the payload's frame in the base frame [frames 3 3], [frames 3], m.

@@ -57,7 +57,7 @@ class Solid:
 
 
 def merge_solids(solids: list[Solid]) -> list[Solid]:
-    """Return the `solids`, those with the same body and colour joined, so that the browser moves few objects."""
+    """Join solids with the same body and colour, and return the joined ones, so that the browser moves few objects."""
     groups: dict[tuple[int, Colour], list[Solid]] = {}
     for solid in solids:
         groups.setdefault((solid.body, solid.colour), []).append(solid)

@@ -93,7 +93,8 @@ def read_contents(path: Path, types: Sequence[str] = ()) -> Contents:
 
     - `types`: keep only CDR-encoded messages of these types; by default, keep all messages and other records.
 
-    Raises DefinitionError if the file cannot be read, is no MCAP file, or unpacks to too much, or mcap is missing.
+    Raises DefinitionError if the file cannot be read, is no MCAP file, or unpacks to more than a limit (`UNPACKED`,
+    `RATIO`), or if mcap is not installed.
     """
     contents = Contents()
     schemas: dict[int, str] = {}

@@ -1,7 +1,8 @@
 """Benchmark of schemes: common tasks, a common tuner, and scores on held-out cases.
 
 Begin with `entries.py`: a task is a file in `tasks/`, an entry is a scheme in one form, and `gains.yaml` lists the
-tuned gains. `rounds.py` tunes and scores all entries, `ranking.py` compares them. `slidax.report` writes the page.
+gains to tune. A form is `sampled-data`, for a fixed sample time, or `printed`, the law as published. `rounds.py` tunes
+and scores all entries, `ranking.py` compares them. `slidax.report` writes the page.
 """
 
 from .entries import VERSION as VERSION

@@ -1,4 +1,7 @@
-"""Tasks and entries of the benchmark, and the gains to tune."""
+"""Tasks and entries of the benchmark, and the gains to tune.
+
+An entry is a scheme in one form: `sampled-data`, for a fixed sample time, or `printed`, the law as published.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +103,7 @@ class GainDescription(AbstractDescription):
 
 
 class SchemeGains(AbstractDescription):
-    """Tuned and fixed gains of a scheme of this package, by dotted path in the scheme."""
+    """Gains of a scheme of this package, by dotted path in the scheme, as `gains.yaml` lists them for both forms."""
 
     tuned: dict[str, GainDescription]
     """Ranges of gains tuned in both forms."""
@@ -126,7 +129,9 @@ class Gains:
     fixed: dict[str, Any]
 
     def sets(self, base: ScenarioDescription) -> dict[str, AbstractSet]:
-        """Return the sets of the tuned gains by path in the scenario, scaled for its arm.
+        """Return the sets of values from which the gains are tuned, by path in the scenario.
+
+        A range can scale with the arm's inertia, its torque limits or the sample time.
 
         - `base`: description of the scenario.
 

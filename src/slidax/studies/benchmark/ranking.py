@@ -1,4 +1,8 @@
-"""Rankings of the benchmark: the best scheme on a task, its significance, and each scheme over all tasks."""
+"""Rankings of the benchmark: the best scheme on a task, its significance, and each scheme over all tasks.
+
+A scheme leads a task if its share of cases inside the tolerance band is not significantly below the largest share. A
+case is lost if its run ended early, or its steady error exceeds the band's initial radius.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +24,10 @@ class Score:
     """Score of an `entry` on the held-out cases of a task.
 
     - `inside`, `interval`: share of cases that never left the tolerance band, with Clopper and Pearson's interval.
-    - `failed`: share of lost cases, as in `TaskResult.failed`.
+    - `failed`: share of lost cases.
     - `medians`: median of each metric over the cases that were not lost, by key; None if all were lost.
-    - `behind`: p-value of McNemar's test against the scheme with the largest share inside, adjusted by Holm's method
-      over the task's schemes; small if this share is significantly smaller.
+    - `behind`: p-value of McNemar's test against the scheme with the largest share inside. Holm's method adjusts the
+      p-value for the number of schemes. A small value means a significantly smaller share.
     """
 
     entry: BenchmarkEntry
@@ -44,7 +48,8 @@ class Ranking:
     """Ranking of the schemes on a `task`.
 
     - `scores`: the best first: leading schemes by their median steady error, then the others by their share inside.
-    - `p_value`: p-value of Wilcoxon's test on the steady errors of the first two if both lead, else of McNemar's test.
+    - `p_value`: significance of the difference between the first two schemes. If both lead, it is from Wilcoxon's test
+      on their steady errors, else from McNemar's test on their shares inside.
     - `by`: criterion that ranks the first scheme before the second: `steady error` or `share inside`.
     """
 
@@ -117,8 +122,8 @@ class Overall:
     - `tasks`: number of tasks on which it ran.
     - `best`, `leads`: number of tasks on which the scheme is first, and on which it leads.
     - `inside`, `failed`: shares of cases inside the tolerance band, and of lost cases, averaged over the tasks.
-    - `error`: median steady error relative to the least on each task, geometric mean; None without results.
-    - `step`: median steady torque step relative to the least on each task, geometric mean; None without results.
+    - `error`: median steady error relative to the task's least, as geometric mean over the tasks; None without results.
+    - `step`: median steady torque step, summarised in the same way.
     """
 
     entry: BenchmarkEntry
