@@ -123,9 +123,10 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
-    """Return each joint's closed loop, linearised at zero error; None for a joint whose loop is not linear there.
+    """Return each joint's closed loop, linearised at zero error; None for each joint if this is not possible.
 
-    That is the case for a law that does not plan over a horizon, or an estimator that is not linear.
+    It is possible for a law that plans over a horizon, with a linear estimator or with `StrongTracking` at its least
+    bandwidth.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """

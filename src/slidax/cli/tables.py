@@ -116,9 +116,10 @@ def _say(console: Console, text: str, *, style: str = "", margin: str = "", hang
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
-    """Print the verdict on several schemes, and their metrics joint by joint, the least value of each row in bold.
+    """Print which schemes stay inside the envelope and which of those are best, then each scheme's metrics by joint.
 
-    A narrow terminal gets several tables with some of the schemes each.
+    The least value of a row is bold, among the runs that reached their end. A narrow terminal gets several tables
+    with some of the schemes each.
 
     - `rivals`: the runs, by name of the scheme.
     """

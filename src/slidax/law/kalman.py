@@ -232,11 +232,11 @@ FASTEST_GROWN = 0.3
 
 
 class TrackingMemory(eqx.Module):
-    """Memory of `StrongTracking`, with its p and σ.
+    """Memory of `StrongTracking`, with the factor p of the bandwidth.
 
-    - `growth`: relative growth p - 1 of each joint's bandwidth [n].
-    - `trail`: sum of the earlier innovations, which decays like the growth [n].
-    - `spent`: integral of the growth over time, which decays in 0.3 s [n], s.
+    - `growth`: p - 1, before it is reduced by the model's weight and by fading [n].
+    - `trail`: decaying sum of the earlier innovations, over σ [n].
+    - `spent`: integral of p - 1 over time, which decays in 0.3 s [n], s.
     """
 
     growth: Vector
@@ -247,15 +247,19 @@ class TrackingMemory(eqx.Module):
 class StrongTracking(AbstractEstimator):
     """A Kalman filter whose bandwidth grows while its innovations are larger than noise explains.
 
-    A filter with the bandwidth d/h gets the bandwidth p d/h, with p d at most 0.3. The factor is
-    `p = max(min(1 + x - 4, growth), 1 + (p₋ - 1) e^{-h/T})`, with its last value p₋ and T = 15 ms. x compares the
-    innovation `(q' - q_predicted)/σ` with the sum of the earlier ones, which decays with T: it is the smaller magnitude
-    of both, or 0 if their signs differ. x ignores a single wrong measurement: the innovations after it have the other
-    sign. A sudden disturbance is estimated in about half the time. The noise of the undisturbed loop is unchanged.
+    With the sample time h, a filter of the bandwidth d/h gets the bandwidth p d/h, where p d is at most 0.3. For each
+    joint, with the last value p₋ and T = 15 ms,
 
-    A faster filter tolerates less overestimation of the inertia. p - 1 is therefore multiplied by the weight of the
-    learnt arm model in use. It fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so that an oscillation
-    cannot keep the bandwidth high.
+        p = max(min(x - 3, growth), 1 + (p₋ - 1) e^{-h/T}).
+
+    So p grows once x exceeds 4 and falls back with the time constant T. x is the magnitude of the innovation
+    `(q' - q_predicted)/σ`, or of the decaying sum of earlier innovations if that is smaller; it is 0 if their signs
+    differ. A single wrong measurement has no effect: the innovations after it have the other sign. A sudden disturbance
+    is estimated in about half the time. The noise of the undisturbed loop is unchanged.
+
+    A faster filter tolerates less overestimation of the inertia. p - 1 is therefore multiplied by `share`, the weight
+    of a learnt arm model in the law's model. p - 1 fades to 0 once the bandwidth has been doubled for 20 to 40 ms, so
+    that an oscillation cannot keep the bandwidth high.
 
     Source: Zhou and Frank, Strong tracking filtering of nonlinear time-varying stochastic systems, 1996; here the
     bandwidth grows, since the gains are fixed.

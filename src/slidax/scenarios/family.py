@@ -214,7 +214,13 @@ class Family:
         return validate_text(data, known, form=type(self.base))
 
     def scenario(self, values: Mapping[str, Any], name: str) -> Scenario:
-        """Build the scenario of a case; `name` is the scenario's name, `values` are as in `case`."""
+        """Build the scenario of a case.
+
+        - `values`: the case's values by dotted path.
+        - `name`: the scenario's name.
+
+        Raises DefinitionError if a value is invalid.
+        """
         return self.case(values).build(name)
 
     def parts(self, template: Templates, values: Mapping[str, Any]) -> Parts:

@@ -1,4 +1,4 @@
-"""The process of a job."""
+"""Process in which the studio, the local web page of `slidax studio`, runs a command."""
 
 from __future__ import annotations
 
@@ -12,10 +12,15 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Run the command in the first argument, unless a file that it reads refers to a file outside the studio's folder.
+    """Run a slidax command; exit with 2 if one of its files refers to a file outside the working directory.
 
-    The argument is JSON with `files` to read, `changes` by path, the `module` of the command line, its `words`, and
-    `interruptible`: True if the command saves its results on interruption.
+    The first argument is a JSON object:
+
+    - `files`: names of the scenario or study files that the command reads.
+    - `changes`: new values of the scenario, by dotted path such as `sensor.delay`.
+    - `module`: Python module whose `main` runs the command.
+    - `words`: arguments of the command line.
+    - `interruptible`: True if the command saves its results on SIGINT.
     """
     end_with_the_server()
     request = json.loads(sys.argv[1])

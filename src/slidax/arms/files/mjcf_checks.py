@@ -54,9 +54,10 @@ def check_spec(spec: Any) -> None:
 def check_compiled(model: Any, locked: Mapping[str, float]) -> None:
     """Reject features of a compiled MuJoCo model that an arm of rigid links cannot have.
 
-    They are numbers that are not finite, springs, couplings between joints, and other forces on the joints.
+    They are numbers that are not finite, negative damping or friction, drag, joint springs, non-linear damping, ties
+    between moving joints (equalities, tendons), and `gravcomp`.
 
-    - `locked`: positions of joints that do not move, by name.
+    - `locked`: positions of the joints that the reader fixes, by name, rad or m. They may have springs and ties.
 
     Raises DefinitionError naming the element.
     """

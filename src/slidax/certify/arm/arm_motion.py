@@ -280,19 +280,19 @@ def distinct_inertias(plants: list[Plant]) -> tuple[list[Plant], list[int]]:
 
 
 def rigid_body_torque(plants: list[Plant], motion: StateSequence) -> tuple[Floats, Floats]:
-    """Return true arms' inertia M [arms times n n] and torque `M q̈ + C q̇ + G` [arms times n] along a motion."""
+    """Return inertia M [arms samples n n] and torque `M q̈ + C q̇ + G` [arms samples n] of true arms along a motion."""
     torques = [mass_and_bias(plant.robot, plant.load, motion.t, motion.q, motion.dq) for plant in plants]
     masses = np.array([mass for mass, _ in torques])
     return masses, np.einsum("pkij,kj->pki", masses, motion.ddq) + np.array([bias for _, bias in torques])
 
 
 def outer_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return the external torque less the friction, `τ_d - F`, of true arms along a motion [arms times n], N m or N."""
+    """Return external torque less friction, `τ_d - F`, of true arms along a motion [arms samples n], N m or N."""
     return disturbance_torque(plants, motion) - np.array([friction_torque(plant.robot, motion.dq) for plant in plants])
 
 
 def disturbance_torque(plants: list[Plant], motion: StateSequence) -> Floats:
-    """Return the external torque τ_d on true arms along a motion [arms times n], N m or N."""
+    """Return the external torque τ_d on true arms along a motion [arms samples n], N m or N."""
     known: dict[Any, Floats] = {}
     torques = []
     for plant in plants:

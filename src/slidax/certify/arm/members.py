@@ -152,12 +152,12 @@ class Members:
         return [k for k in range(len(self.axes)) if k not in without and self.is_inertial(k)]
 
     def extremes(self, count: int) -> Floats:
-        """Return corners at which the effects of the set's values add up, in pairs of opposite corners [count D].
+        """Return corners of the set at which the effects of all values on the torques add up [count D], from 0 to 1.
 
-        Each pair belongs to a direction: weights of the joints' torques at some times (`_direction`). At the first
-        corner each value is at the end of its range that increases the weighted sum of torques. A value without effect
-        is at its middle. So the corners do not depend on the order in which the set is written, or on the number of
-        equal terms by which a force is written.
+        A coordinate is a share of the range of one of the D values. Each pair of corners belongs to one weighted sum of
+        the joint torques along the motion (`_direction`): to first order, the sum is largest at the first corner and
+        smallest at the second, the opposite one. A value without effect on the sum is at its middle, 0.5. The order of
+        the values in the file has no influence, nor does a force that is written as several equal terms.
         """
         effects = self._effects
         shares = np.empty((count, len(self.axes)))

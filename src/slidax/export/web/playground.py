@@ -406,7 +406,9 @@ def _choices(description: ScenarioDescription) -> list[ProgramChoice]:
 
 
 def write_playground(manifest: Mapping[str, Any], out: str | Path) -> Path:
-    """Write the HTML page for a manifest to the folder `out`; return the path of the page.
+    """Write the HTML page to the folder `out`; return the path of the page.
+
+    - `manifest`: the page's JSON data, from `manifest_of_scenario` or `manifest_of_all`.
 
     Raises DefinitionError if the page cannot be written.
     """

@@ -71,10 +71,11 @@ class Monitor(AbstractPart):
     t + c (docs/loop-rate.md). The other side may be narrower: x does not move the error there. e is a weighted mean of
     the past y, so that e cannot leave before y does.
 
-    Signals: `margin`, the least `1 - x/(share b ρ)` and `1 - y/(led b ρ)` of all joints, with b of the side towards
-    which each points, negative if the guarantee does not hold; `assumption_violated`, a sum of `1`: x is too large,
-    `2`: a learnt inertia is outside the range of the guarantee, `4`: y is too near to its envelope, `8`: the estimated
-    disturbance is larger than `disturbance`. For a law without a plan only the last check is made.
+    Signals: `margin`, the least of `1 - x/(share b ρ)`, `1 - y/(led b ρ)` and `1 - |ŵ|/disturbance` of all joints, with
+    b of the side towards which x and y point and the estimated disturbance ŵ; negative if the guarantee does not hold;
+    `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the range of the guarantee,
+    `4`: y is too near to its envelope, `8`: the estimated disturbance is larger than `disturbance`. For a law without a
+    plan only the last check is made.
     """
 
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."
@@ -176,7 +177,10 @@ class Monitor(AbstractPart):
         return kept, {"margin": margin, "assumption_violated": violated}
 
     def without_plan(self, disturbance: Vector) -> dict[str, Array]:
-        """Return the signals for a law without a plan, from its estimated disturbance ŵ [n], rad/s² or m/s²."""
+        """Return `margin`, the least `1 - |ŵ|/disturbance` of all joints, and `assumption_violated`, 8 or 0.
+
+        - `disturbance`: the estimated disturbance ŵ [n], rad/s² or m/s².
+        """
         bound = jnp.inf if self.disturbance is None else self.disturbance
         ratio = jnp.max(jnp.abs(disturbance) / bound)
         return {"margin": 1.0 - ratio, "assumption_violated": jnp.where(ratio > 1.0, UNMODELLED, 0.0)}
