@@ -123,6 +123,17 @@ REQUESTS = [
     (("run", "example-4.3"), ["unknown scenario `example-4.3`", "did you mean `example-4."]),
     (("run", "nowhere.yaml"), ["cannot read", "nowhere.yaml", "No such file"]),
     (("run", "example-4.1", "--out", "x.mcap"), ["simulation.mode=held"]),
+    (
+        (
+            "run",
+            "example-4.1-1khz",
+            "--set",
+            "transmission={elasticity: {stiffness: 1e4, damping: 5}}",
+            "--out",
+            "x.mcap",
+        ),
+        ["cannot be simulated sample by sample", "leave `transmission` out"],
+    ),
     (("run", "example-4.1", "--set", "scheme.sampled_data={}"), ["sampled-data law needs samples", "held mode"]),
     (
         (

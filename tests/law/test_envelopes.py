@@ -60,7 +60,7 @@ def test_radius_rate_and_curvature_are_finite_around_the_deadline(t):
     assert np.all(np.isfinite(np.asarray([*values, jerk])))
 
 
-def test_the_exponential_function_agrees_with_its_closed_form():
+def test_the_exponential_function_and_two_derivatives_agree_with_closed_forms():
     performance = Exponential([0.8, 0.6], 0.002, [1.0, 2.0])
     width, rate = np.array([0.798, 0.598]), np.array([1.0, 2.0])
     decay = np.exp(-rate * 0.7)

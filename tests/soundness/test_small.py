@@ -6,7 +6,7 @@ from tests.soundness import continuous, ratios, starts, warned
 from tests.soundness.counted import Counted
 
 
-def test_no_parameter_outside_its_range_is_accepted():
+def test_five_parts_of_the_printed_law_refuse_random_values_outside_their_ranges():
     count = Counted()
     starts.judged_parameters(1, 20, count)
     assert count.missed == 0 and count.refused == 100, count.notes

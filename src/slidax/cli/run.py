@@ -137,10 +137,11 @@ def _sparse(parts: Scenario) -> int:
 
 def _require_log(parts: Scenario, log: Path) -> None:
     """Fail before the run if it cannot be logged."""
-    from slidax.export.loop_plans import require_samples
+    from slidax.export.loop_plans import arm_to_move, require_samples
     from slidax.runtime.logs.mcap_files import require_writer
 
     require_samples(parts)
+    arm_to_move(parts)
     require_writer()
     log.parent.mkdir(parents=True, exist_ok=True)
 

@@ -185,6 +185,21 @@ def require_samples(scenario: Scenario) -> None:
         )
 
 
+def arm_to_move(scenario: Scenario) -> Plant:
+    """Return a scenario's arm, to be moved sample by sample; slidax simulates it, not MuJoCo.
+
+    Raises DefinitionError if the arm has LuGre friction or elastic joints.
+    """
+    plant = scenario.plant
+    own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
+    if own.transmission is not None:
+        raise DefinitionError(
+            "LuGre friction and elastic joints cannot be simulated sample by sample, as in `slidax loop` and for an "
+            "`.mcap` log: leave `transmission` out, or use `slidax run` without such a log"
+        )
+    return own
+
+
 def law_plan(scenario: Scenario) -> LawPlan:
     """Compile a scenario's law to be called sample by sample.
 
@@ -336,13 +351,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
     supported, or if llvmlite is not installed.
     """
     require_samples(scenario)
-    plant = scenario.plant
-    own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
-    if own.transmission is not None:
-        raise DefinitionError(
-            "an arm that is moved sample by sample cannot have LuGre friction or elastic joints: leave `transmission` "
-            "out, or run the scenario with `slidax run`"
-        )
+    own, plant = arm_to_move(scenario), scenario.plant
     stepping = scenario.stepping
     loop, _ = define_loop(
         own, scenario.controller, scenario.trajectory, scenario.state0, scenario.t1, stepping, None, BANDS

@@ -61,7 +61,9 @@ def require_torques(
     usable: np.ndarray,
     conventions: Conventions,
 ) -> None:
-    """Raise a DefinitionError if the log's torques fit the arm badly, but well in another unit, sign or joint order.
+    """Raise a DefinitionError if the log's torques fit the arm badly, but well by another convention.
+
+    Conventions are units, signs, the joint order, zeros of positions, the mounting, and a delay of the torques.
 
     The message names the option that corrects the log.
 

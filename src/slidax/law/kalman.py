@@ -188,8 +188,9 @@ class Kalman(AbstractEstimator):
     def for_inertia(self, inertia: Vector) -> Kalman:
         """Return the filter for joints of another inertia Î; `self` if it was constructed without an inertia I.
 
-        The density of the acceleration is that of the torque over Î². The pace d, bandwidth times period, is
-        proportional to the density's sixth root and becomes `d (I/Î)^(1/3)`. The gains change in the ratio of `paced`:
+        The filter assumes a disturbance torque whose rate is white noise. The noise density of the acceleration is
+        that of the torque over Î². The pace d, bandwidth times period, is proportional to the density's sixth root and
+        becomes `d (I/Î)^(1/3)`. Each gain is multiplied by the ratio of the gains of `paced` for the new and the old d:
         for a slow filter L1, L2, L3 by `(I/Î)^(1/3)`, its square and its cube, and hardly for a fast one.
         """
         if self.inertia is None or self.pace is None:

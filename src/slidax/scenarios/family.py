@@ -169,7 +169,10 @@ class Family:
         return column
 
     def require_valid(self) -> None:
-        """Raise DefinitionError, with the path, if a scenario at an end of the sets is invalid."""
+        """Raise DefinitionError, with the path, if a scenario at one of `Space.ends` is invalid.
+
+        The uncertain and the varied sets are tested one after the other; all other values are the file's.
+        """
         for where, space in (("uncertainty", self.uncertain), ("varied", self.varied)):
             with locate_errors(where):
                 ends = space.ends() if space.sets else []

@@ -58,7 +58,7 @@ def test_inertia_bounds_of_a_two_link_arm_are_exact_within_0_1_percent():
     assert constants.weight == pytest.approx([2.0 * 9.8 + 1.2 * 9.8, 1.2 * 9.8], rel=2e-2)
 
 
-def test_arm_constants_bound_sampled_dynamics_of_an_arm_with_a_prismatic_joint():
+def test_arm_constants_bound_the_dynamics_of_an_arm_with_a_prismatic_joint_at_random_states():
     robot = Scara(lengths=[1.0, 0.8], masses=[0.5, 1.5, 1.0])
     require_bounded(robot, 1)
 
@@ -66,7 +66,7 @@ def test_arm_constants_bound_sampled_dynamics_of_an_arm_with_a_prismatic_joint()
 @pytest.mark.parametrize(
     "arm", [pytest.param(panda, marks=pytest.mark.full, id="panda"), pytest.param(ur5e, id="ur5e")]
 )
-def test_arm_constants_bound_sampled_dynamics_of_a_built_in_arm(arm):
+def test_arm_constants_bound_the_dynamics_of_a_built_in_arm_at_random_states(arm):
     constants, sampled = require_bounded(arm(), 2)
     assert constants.inertia_max < 1.6 * sampled["largest"]
 
@@ -108,5 +108,5 @@ def random_arm(folder, seed):
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.full) for k in range(2, 40))])
-def test_arm_constants_bound_sampled_dynamics_of_random_chains(tmp_path, seed):
+def test_arm_constants_bound_the_dynamics_of_random_chains_at_random_states(tmp_path, seed):
     require_bounded(random_arm(tmp_path, seed), seed)

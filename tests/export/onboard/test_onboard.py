@@ -225,7 +225,7 @@ def test_the_pilot_in_single_precision_finishes_its_motion(tmp_path):
     assert rehearse(pilot, RehearsalArm(law)) == onboard.FINISH, pilot.why
 
 
-def test_a_missing_compiler_or_law_is_reported_in_one_line(law, tmp_path, capsys, monkeypatch):
+def test_a_missing_compiler_or_law_ends_the_program_with_an_error_that_names_it(law, tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit) as none:
         rehearsal.main(["--law", str(tmp_path)])
     assert none.value.code == 2 and capsys.readouterr().err.splitlines()[-1].endswith("law.json")

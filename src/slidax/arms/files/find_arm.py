@@ -116,7 +116,9 @@ class _Tree:
 
     def _path_to(self, tip: str) -> list[_Edge]:
         if tip not in self._carrier:
-            raise DefinitionError(f"`tip` names `{tip}`, which no joint carries; {nearest_word(tip, self._carrier)}")
+            raise DefinitionError(
+                f"`tip` must be a link of the file, but not its root; got `{tip}`: {nearest_word(tip, self._carrier)}"
+            )
         edges: list[_Edge] = []
         while tip in self._carrier:
             edge = self._carrier[tip]

@@ -1,4 +1,7 @@
-"""Read the text and XML of a robot file within size limits, and check the files that it names."""
+"""Read the text and XML of a robot file within size limits, and check the files that a MuJoCo file names.
+
+A named file that exists must be a regular file, not a pipe or a device, and within its size limit.
+"""
 
 from __future__ import annotations
 

@@ -233,7 +233,8 @@ def uncertainty_samples(members: Members, count: int, seed: int) -> UncertaintyS
 def smallest_bound(samples: UncertaintySamples, gamma: float) -> Floats:
     """Return b0, b1, b2 >= 0 [3] with `lumped <= b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖` for all samples.
 
-    Among all such values they have the least mean of the right side over the samples.
+    Among all such values they have the least mean of the right side over the samples. `lumped` is the norm of the
+    torque by which the model errs, N m (`UncertaintySamples`). The units are N m, N m/rad and N m s²/rad².
 
     - `gamma`: γ.
     """

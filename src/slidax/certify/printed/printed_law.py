@@ -32,11 +32,13 @@ from ..uncertainty_set import start_box
 
 @dataclass(frozen=True)
 class PowerSurface:
-    """Surface function φ of the transformed error: `k1 |ε|^p + k2 |ε|^q` for `|ε| >= δ`. Each value is [n], per joint.
+    """Powers of the surface function, `φ(ε) = sgn(ε) (k1 |ε|^p + k2 |ε|^q)` for `|ε| >= δ`.
+
+    ε is the transformed error. Each value is [n], one for each joint.
 
     - `k1`, `p`: gain and exponent of the power near zero.
     - `k2`, `q`: gain and exponent of the power far from zero.
-    - `delta`: half width of the core, in which another function replaces the first power.
+    - `delta`: half width of the core, in which each surface (law/surfaces.py) has another function than `|ε|^p`.
     """
 
     k1: Floats

@@ -201,7 +201,7 @@ def is_counter(param: Value) -> bool:
 
 
 def is_counter_increment(value: Value) -> bool:
-    """True if a value increments a 64-bit counter by steps too small for an overflow."""
+    """True if a value increments a 64-bit counter by steps too small for an overflow; C then writes a plain `+`."""
     if value.op != "add" or value.type != "i64":
         return False
     for more, param in (value.args, value.args[::-1]):

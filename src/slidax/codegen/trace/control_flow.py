@@ -1,6 +1,7 @@
 """Rules that translate JAX's loops, branches, and primitives that JAX expands into others, to IR operations.
 
-A rule gets the program's builder, the jaxpr's equation and its operands; it returns the results as arrays of IR values.
+A rule gets the program's builder, the jaxpr's equation and its operands, and, if it needs it, `inline`: a function that
+appends the operations of another jaxpr. It returns the results as arrays of IR values.
 """
 
 from __future__ import annotations

@@ -278,13 +278,13 @@ class Channels:
             lists = [data[name] for name in ("joints", "units", "bits")]
             signals, bounded = data["signals"], data["bounded"]
         except (ValueError, KeyError, TypeError, RecursionError):
-            raise ValueError("its list of channels is malformed") from None
+            raise ValueError("the list of joints and signals in its metadata is malformed") from None
         texts = all(isinstance(entry, list) and all(isinstance(name, str) for name in entry) for entry in lists)
         if not texts or not isinstance(signals, dict) or not isinstance(bounded, bool) or not lists[0]:
-            raise ValueError("its list of channels is malformed")
+            raise ValueError("the list of joints and signals in its metadata is malformed")
         sizes = [*map(len, lists), len(signals), *(size for size in signals.values() if size is not None)]
         if not all(isinstance(size, int) and 0 <= size <= MOST for size in sizes):
-            raise ValueError(f"its list of channels has a size that is not an integer from 0 to {MOST}")
+            raise ValueError(f"a size in the list of signals in its metadata is not an integer from 0 to {MOST}")
         joints, units, bits = map(tuple, lists)
         return cls(joints, units, signals, bounded, bits)
 
