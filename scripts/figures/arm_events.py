@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.stats import bootstrap
 
 from slidax.core.types import State
 from slidax.plant.disturbances import AbstractDisturbance
@@ -172,6 +173,17 @@ def summary(values: np.ndarray) -> tuple[float, float, float]:
     return float(np.median(values)), float(np.quantile(values, 0.9)), float(values.max())
 
 
+def ratio_interval(errors: np.ndarray, reference: np.ndarray, share: float) -> str:
+    """Ratio of a quantile of errors to that of reference errors in the same variants, with its 95 % interval."""
+
+    def ratio(first: np.ndarray, second: np.ndarray, axis: int = -1) -> Any:
+        return np.quantile(first, share, axis=axis) / np.quantile(second, share, axis=axis)
+
+    draws = bootstrap((errors, reference), ratio, paired=True, method="percentile", rng=np.random.default_rng(0))
+    low, high = draws.confidence_interval
+    return f"{ratio(errors, reference):.2f} [{low:.2f}, {high:.2f}]"
+
+
 def measure_events() -> None:
     """Peak errors and samples outside for random events: median, 90 % and worst, with both learnings."""
     parser = argparse.ArgumentParser(description=measure_events.__doc__)
@@ -232,11 +244,16 @@ HEAD = [
     "event",
     *(f"{what}, {law}" for what in ("peak [rad]", "samples outside") for law in LAWS),
     "outside at the end",
+    "ratio of peaks, median",
+    "ratio of peaks, 90 %",
 ]
 
 
 def row_of(event: str, results: dict[str, dict[str, np.ndarray]]) -> list[str]:
     """An event's line of the table."""
-    peaks = [" / ".join(f"{value:.2e}" for value in summary(runs["peak"])) for runs in results.values()]
+    peaks = [" / ".join(f"{value:.1e}" for value in summary(runs["peak"])) for runs in results.values()]
     outside = [" / ".join(f"{math.ceil(value)}" for value in summary(runs["outside"])) for runs in results.values()]
-    return [event, *peaks, *outside, " / ".join(f"{np.sum(runs['lost']):.0f}" for runs in results.values())]
+    lost = " / ".join(f"{np.sum(runs['lost']):.0f}" for runs in results.values())
+    reference, learnt = (runs["peak"] for runs in results.values())
+    ratios = [ratio_interval(learnt, reference, share) for share in (0.5, 0.9)]
+    return [event, *peaks, *outside, lost, *ratios]

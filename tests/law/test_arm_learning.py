@@ -34,17 +34,32 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 
-def judged(trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, valid=YES, heard=True, lost=0.0, left=0.0):
+@eqx.filter_jit
+def window(trust, innovations, moves, certain, valid, lost, left, rubbed):
+    """Trust and verdict after a window of joints that do not change their direction."""
+    trust, loud = trust.after_window(innovations, jnp.ones(2), jnp.zeros(2), moves, VARIANCE, STEP)
+    return judge(trust, certain, valid, loud, lost, left, rubbed, VARIANCE, STEP)
+
+
+@eqx.filter_jit
+def after_sample(adaptation, experience, memory):
+    """Memory of an adaptation after a sample."""
+    return adaptation(experience, memory)
+
+
+def judged(
+    trust, seconds, *, innovation=0.0, of_good=0.0, certain=YES, valid=YES, heard=True, lost=0.0, left=0.0, rubbed=NO
+):
     """Trust after windows in which every joint has the same innovation, N m, and a torque of 1 N m.
 
     - `lost`: share of the payload that every window finds lost. `left`: innovation without it, N m.
+    - `rubbed`: True if changed friction explains the loud windows.
     """
+    innovations = jnp.stack([jnp.full(2, innovation), jnp.full(2, of_good)])
+    moves = jnp.full(2, heard) & valid
     verdicts = []
     for _ in range(round(seconds / float(STEP))):
-        squares = jnp.stack([jnp.full(2, innovation**2), jnp.full(2, of_good**2), jnp.ones(2)])
-        trust, loud = trust.after_window(squares, jnp.full(2, heard) & valid, VARIANCE, STEP)
-        gone = jnp.asarray(lost), jnp.full(2, left)
-        trust, verdict = judge(trust, certain, valid, loud, *gone, VARIANCE, STEP)
+        trust, verdict = window(trust, innovations, moves, certain, valid, jnp.asarray(lost), jnp.full(2, left), rubbed)
         verdicts.append(verdict)
     return trust, verdicts
 
@@ -99,7 +114,7 @@ def test_equations_count_less_while_a_model_is_not_proven(in_use):
     first, _ = judged(Trust.init(2, VARIANCE), 0.4, innovation=0.01)
     for trust, variance in ((Trust.init(2, VARIANCE), UNSURE * 0.3), (first, UNSURE * 0.3), (in_use, 0.02**2)):
         trust = eqx.tree_at(lambda t: t.usual, trust, jnp.array([0.3, 0.2]))
-        after = adaptation(Experience(*args), eqx.tree_at(lambda m: m.trust, memory, trust))
+        after = after_sample(adaptation, Experience(*args), eqx.tree_at(lambda m: m.trust, memory, trust))
         viscous = adaptation.parameters(after.estimates.parameters).viscous
         np.testing.assert_allclose(viscous, [0.16 / (0.16 + variance), 0.0], rtol=1e-12)
 
@@ -205,7 +220,9 @@ def test_an_equation_with_less_weight_has_a_larger_variance():
     where = lambda m: (m.equations.drives, m.equations.y, m.equations.weights)  # noqa: E731
     speeds = memory.equations.drives.at[0].set(jnp.ones(2))
     memory = eqx.tree_at(where, memory, (speeds, jnp.ones(2), jnp.array([0.25, 0.0])))
-    after = adaptation(Experience(*args), eqx.tree_at(lambda m: m.trust.usual, memory, jnp.array([0.3, 0.2])))
+    after = after_sample(
+        adaptation, Experience(*args), eqx.tree_at(lambda m: m.trust.usual, memory, jnp.array([0.3, 0.2]))
+    )
     viscous = adaptation.parameters(after.estimates.parameters).viscous
     np.testing.assert_allclose(viscous, [0.16 / (0.16 + UNSURE * 0.3 / 0.25), 0.0], rtol=1e-12)
 
@@ -244,7 +261,7 @@ def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_its_rotors_a
     for share, loud in ((1.0, 0.0), (0.9, 0.0), (1.0, 0.01)):
         where = lambda m: (m.estimates.used, m.trust.share, m.trust.loud)  # noqa: E731
         known = eqx.tree_at(where, memory, (used, jnp.asarray(share), jnp.asarray(loud)))
-        after = adaptation(Experience(*args), known)
+        after = after_sample(adaptation, Experience(*args), known)
         whole = share == 1.0 and loud == 0.0
         np.testing.assert_allclose(after.joints.rotor, 0.05 if whole else 0.1, rtol=1e-12)
         np.testing.assert_allclose(after.joints.coulomb, [0.4, 3.0] if whole else [0.0, 0.0], atol=1e-12)
@@ -269,13 +286,47 @@ def test_a_lost_payload_is_found_by_the_torque_that_it_took():
     assert not lost_payload(-carried, carried, jnp.zeros(2, bool), noise)[0]
 
 
+def test_changed_friction_leaves_the_model_in_use(in_use):
+    rubbed, verdicts = judged(in_use, LASTING + 0.02, innovation=3.0, of_good=3.0, rubbed=YES)
+    assert sum(bool(verdict.rubs) for verdict in verdicts) == 1 and not any(bool(verdict.opens) for verdict in verdicts)
+    assert rubbed.share == 1.0 and not rubbed.relearns and rubbed.loud < 0.05
+    # If the change does not explain the torque, the arm is learnt anew.
+    assert judged(rubbed, LASTING + 0.05, innovation=3.0, of_good=3.0, rubbed=YES)[0].relearns
+    # When a push ends that was taken for friction, the last good model returns, and the arm's model stays in use.
+    after, more = judged(rubbed, CONFIRMED + 0.05, innovation=3.0, of_good=0.01, rubbed=YES)
+    assert any(bool(verdict.restores) for verdict in more) and after.share == 1.0 and not after.relearns
+
+
+def test_a_change_of_friction_is_recognised_by_the_direction_of_motion(in_use):
+    def recognised(innovation, turns=None, coulomb=(0.5, 0.5)):
+        trust = in_use
+        for k in range(40):
+            direction = jnp.array([1.0, -1.0 if turns is not None and k >= turns else 1.0])
+            innovations = jnp.stack([innovation(direction, k)] * 2)
+            trust, loud = trust.after_window(innovations, jnp.ones(2), direction, jnp.ones(2, bool), VARIANCE, STEP)
+            trust = eqx.tree_at(lambda t: t.loud, trust, trust.loud + STEP * loud[0].astype(float))
+        return trust.friction_change(jnp.asarray(coulomb), jnp.asarray(2.0), STEP)
+
+    explains, change = recognised(lambda direction, k: jnp.array([0.7, -0.3]) * direction, turns=15)
+    assert explains
+    np.testing.assert_allclose(change, [0.7, -0.3], rtol=1e-9)
+    # A constant torque does not turn with the motion, and a growing one is no friction.
+    assert not recognised(lambda direction, k: jnp.array([0.7, 0.3]), turns=15)[0]
+    assert not recognised(lambda direction, k: jnp.array([0.1 * k, 0.0]))[0]
+    # Friction stays between zero and its limit.
+    for coulomb in ((0.5, 0.2), (3.4, 0.5)):
+        assert not recognised(lambda direction, k: jnp.array([0.7, -0.3]) * direction, coulomb=coulomb)[0]
+    # The sums begin with the first loud window: the quiet ones before it are not of the change.
+    assert recognised(lambda direction, k: jnp.array([0.7, 0.0]) * float(k >= 20))[0]
+
+
 def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():
     adaptation, q, still = learner(), jnp.array([0.3, -0.5]), jnp.zeros(2)
     memory = adaptation.init(State(q=q, dq=still))
     args = q, still, still, ARM.mass(q), ARM.bias(q, still), jnp.asarray(PERIOD), NO, ARM
     for share in (0.0, 0.5, 1.0):
         before = eqx.tree_at(lambda m: (m.trust.share, m.slot), memory, (jnp.asarray(share), jnp.asarray(9.0)))
-        after = adaptation(Experience(*args), before)
+        after = after_sample(adaptation, Experience(*args), before)
         mass = np.asarray(adaptation.robot(ARM, before).mass(q))
         coupled = 1.0 / np.linalg.norm(np.linalg.inv(mass), axis=1)
         expected = np.diagonal(mass) ** (1.0 - share) * coupled**share

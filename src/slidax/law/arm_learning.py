@@ -298,13 +298,11 @@ class ArmLearning(AbstractAdaptation):
         missed = y - equations.explained(estimates.parameters)
         missed_by_good = y - equations.explained(estimates.good)
         moves = (jnp.abs(window.dq) > SLOWEST) | (jnp.abs(window.ddq) > SOFTEST)
-        squares = jnp.stack([missed * missed, missed_by_good * missed_by_good, y * y])
-        heard = valid & moves
-        before = trust
-        trust, loud = before.after_window(squares, heard, self.noise**2, self.samples * x.period)
+        heard, before, both = valid & moves, trust, jnp.stack([missed, missed_by_good])
+        trust, loud = before.after_window(both, y, window.first, heard, self.noise**2, self.samples * x.period)
         carried = jnp.sum(own.torque[:, :PAYLOAD] * estimates.parameters[:PAYLOAD], axis=1)
         fits, lost, left = lost_payload(missed, carried, heard, self.noise**2)
-        fitted, weights = memory.equations.fits, jnp.where(heard, before.weights(squares[0], loud[0]), 0.0)
+        fitted, weights = memory.equations.fits, jnp.where(heard, before.weights(missed * missed, loud[0]), 0.0)
         lost = jnp.where(loud[0] & fits & fitted & (lost > LEAST_LOST), lost, 0.0)
         equations = eqx.tree_at(
             lambda e: (e.weights, e.valid, e.loud, e.fits, e.lost, e.left),
@@ -322,23 +320,20 @@ class ArmLearning(AbstractAdaptation):
         n, duration = equations.y.size, self.samples * x.period
         spread = self.deviations(n)
         relative = self._inertia_deviation(equations, estimates)
-        in_use = trust.share > 0.0
-        trust, verdict = judge(
-            trust,
-            jnp.all(relative < CERTAIN),
-            equations.valid,
-            equations.loud,
-            equations.lost,
-            equations.left,
-            self.noise**2,
-            duration,
-        )
-        of_payload = np.arange(spread.size) < PAYLOAD
-        parameters = jnp.where(verdict.restores, estimates.good, estimates.parameters)
+        in_use, learnt = trust.share > 0.0, self.parameters(estimates.parameters)
+        rubbed, change = trust.friction_change(learnt.coulomb, self.joints.coulomb_max, duration)
+        certain, e = jnp.all(relative < CERTAIN), equations
+        trust, verdict = judge(trust, certain, e.valid, e.loud, e.lost, e.left, rubbed, self.noise**2, duration)
+        place = np.arange(spread.size)
+        of_payload, of_friction = place < PAYLOAD, (place >= PAYLOAD + n) & (place < spread.size - n)
+        with_change = eqx.tree_at(lambda arm: arm.first, learnt, learnt.first + change).vector()
+        parameters = jnp.where(verdict.rubs, with_change, estimates.parameters)
+        parameters = jnp.where(verdict.restores, estimates.good, parameters)
         parameters = jnp.where(verdict.unloads & of_payload, (1.0 - equations.lost) * parameters, parameters)
         # Only what teaches may fade: rest forgets nothing.
         share = jnp.mean(equations.weights)
-        growth = DRIFT * duration * share + jnp.where(verdict.opens | (verdict.unloads & of_payload), OPENED, 0.0)
+        opens = verdict.opens | (verdict.unloads & of_payload) | (verdict.rubs & of_friction)
+        growth = DRIFT * duration * share + jnp.where(opens, OPENED, 0.0)
         # The covariance is of the model that is given up, and the good one is known better.
         covariance = estimates.covariance * jnp.where(verdict.restores, RESTORED, 1.0)
         covariance = with_drift(covariance, growth * spread**2, LARGEST * spread**2)

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from slidax.core.types import Scalar, Vector
+from slidax.core.types import PerJoint, Scalar, Vector
 
 LOUD = 4.0
 """Innovation of a joint, over its usual size, above which a window is loud: it does not update the parameters."""
@@ -55,6 +55,10 @@ payload, and a change that a first model nearly explains."""
 UNEXPLAINED, LEAST_LOST = 0.05, 0.2
 """Share of a loud window's energy that a lost payload may leave, and least share of a payload that is lost at once."""
 
+RUBBED, BACKWARDS, STIFFEST = 0.1, 0.1, 2.0
+"""Share of a joint's energy in loud windows that a change of its Coulomb friction may leave; share of the change by
+which the new friction may be negative; and the largest new friction, over the largest that a joint learns."""
+
 RISE, FALL = 0.2, 0.1
 """s: times in which the share of the arm's model rises from 0 to 1 and falls from 1 to 0."""
 
@@ -64,6 +68,8 @@ class Trust(eqx.Module):
 
     - `energy`: recent means of the squared innovations of the learnt and of the last good model, and of the squared
       torque [3 n], (N m)² or N².
+    - `rubbing`: sums of m², m c and c² over the windows since the first loud one, for the innovation m of the learnt
+      model and the direction of motion `c = tanh(q̇/v_1)` [3 n].
     - `usual`: usual squared innovation [n].
     - `share`: α, weight of the arm's model in the model that the law uses; 1 - α is that of the joints' own learning.
     - `relearns`: True while the arm is learnt from the beginning, or anew after a lasting change.
@@ -76,6 +82,7 @@ class Trust(eqx.Module):
     """
 
     energy: Float[Array, "3 n"]
+    rubbing: Float[Array, "3 n"]
     usual: Vector
     share: Scalar
     relearns: Bool[Array, ""]
@@ -92,6 +99,7 @@ class Trust(eqx.Module):
         nothing = jnp.zeros(())
         return cls(
             energy=jnp.zeros((3, joints)),
+            rubbing=jnp.zeros((3, joints)),
             usual=jnp.zeros(joints) + variance,
             share=nothing,
             relearns=jnp.ones((), bool),
@@ -113,17 +121,26 @@ class Trust(eqx.Module):
         return jnp.where(self.relearns | (self.since < PROBATION), UNSURE * self.usual, variance)
 
     def after_window(
-        self, squares: Float[Array, "3 n"], heard: Bool[Array, " n"], variance: Scalar, duration: Scalar
+        self,
+        innovations: Float[Array, "2 n"],
+        torque: Vector,
+        direction: Vector,
+        heard: Bool[Array, " n"],
+        variance: Scalar,
+        duration: Scalar,
     ) -> tuple[Trust, Bool[Array, "2"]]:
         """Return the evidence after a window, and whether it is loud for the learnt, and for the last good model [2].
 
         A window without motion is no evidence for the last good model: it counts as loud for that model.
 
-        - `squares`: squared innovations of both models, and squared torque [3 n], (N m)² or N².
+        - `innovations`: of the learnt and of the last good model [2 n], N m or N.
+        - `torque`: torque that a model has to explain [n], N m or N.
+        - `direction`: c, mean of `tanh(q̇/v_1)` [n].
         - `heard`: True for each joint that moves in a valid window.
         - `variance`: of a window's torque noise, (N m)² or N².
         - `duration`: time from one window to the next [s].
         """
+        squares = jnp.square(jnp.concatenate([innovations, torque[None]]))
         loud = jnp.any(heard & (squares[:2] > LOUD * LOUD * self.usual), axis=1)
         loud = loud | jnp.stack([jnp.zeros((), bool), ~jnp.any(heard)])
         newer = jnp.where(heard, -jnp.expm1(-duration / ENERGY_TIME), 0.0)
@@ -133,7 +150,28 @@ class Trust(eqx.Module):
         clipped = jnp.minimum(squares[0], jnp.where(unusual, OF_LOUD, OF_QUIET) * self.usual)
         energy = self.energy + newer * (squares - self.energy)
         usual = jnp.maximum(self.usual + slower * (clipped - self.usual), variance)
-        return eqx.tree_at(lambda trust: (trust.energy, trust.usual), self, (energy, usual)), loud
+        rubbing = jnp.where(heard, jnp.stack([squares[0], innovations[0] * direction, direction * direction]), 0.0)
+        rubbing = jnp.where(self.loud > 0.0, self.rubbing, 0.0) + rubbing
+        parts = energy, rubbing, usual
+        return eqx.tree_at(lambda trust: (trust.energy, trust.rubbing, trust.usual), self, parts), loud
+
+    def friction_change(
+        self, coulomb: Vector, coulomb_max: PerJoint, duration: Scalar
+    ) -> tuple[Bool[Array, ""], Vector]:
+        """Return True if changes of Coulomb friction explain the loud windows, and these changes [n], N m or N.
+
+        - `coulomb`: Coulomb friction of the learnt model [n], N m or N.
+        - `coulomb_max`: largest Coulomb friction that a joint learns, N m or N.
+        - `duration`: time from one window to the next [s].
+        """
+        squares, products, directions = self.rubbing
+        usual = UNSURE * self.usual * self.loud / duration
+        quiet = squares <= usual
+        change = jnp.where(quiet, 0.0, products / jnp.maximum(directions, 1.0))
+        left = squares - change * (2.0 * products - change * directions)
+        new = coulomb + change
+        possible = (new > -BACKWARDS * jnp.abs(change)) & (new < STIFFEST * coulomb_max)
+        return jnp.all(quiet | possible & (left < RUBBED * squares + usual)), change
 
     def weights(self, squares: Vector, loud: Bool[Array, ""]) -> Vector:
         """Return the weights of a window's equations in the least squares [n], 0 (not used) to 1.
@@ -157,12 +195,14 @@ class Verdict(eqx.Module):
     - `opens`: True to enlarge the covariance, since the arm has changed.
     - `keeps`: True to take the learnt model as the last good one.
     - `unloads`: True to subtract the lost share of the payload from the learnt model.
+    - `rubs`: True to add the change of friction to the learnt model.
     """
 
     restores: Bool[Array, ""]
     opens: Bool[Array, ""]
     keeps: Bool[Array, ""]
     unloads: Bool[Array, ""]
+    rubs: Bool[Array, ""]
 
 
 def judge(
@@ -172,6 +212,7 @@ def judge(
     loud: Bool[Array, "2"],
     lost: Scalar,
     left: Vector,
+    rubbed: Bool[Array, ""],
     variance: Scalar,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
@@ -182,14 +223,15 @@ def judge(
       loud. The joints' own learning replaces the model after `BLIND`.
     - Lasting change: after `LASTING` of loud windows the arm is learnt anew, with the joints' own learning in use. The
       new model is used once it knows each inertia and then has not failed for `PROBATION`; a push ends earlier. The
-      last good model returns as soon as it explains the torque again. It also replaces a new model in use that explains
-      the torque less well.
+      last good model returns as soon as it explains the torque again. It also replaces a model in use that explains the
+      torque less well, or whose windows are loud for `CONFIRMED` while those of the good model are not.
     - A model that fails while it is learnt is learnt anew. After the time `PROVEN` of learning, this needs loud windows
       for `LASTING`.
     - Without a good model: a first model that misses less than the share `EXPLAINS` of the torque's energy stays in
       use instead of being learnt anew. For `RELIEF` all windows update it.
     - Lost payload: if it explains a loud window, the model changes at once and stays in use. The innovation that
       remains counts as usual, and for `RELIEF` all windows update the model.
+    - Changed friction: if it explains the loud windows of a lasting change, the model takes it over and stays in use.
 
     - `trust`: evidence before the decision, from `Trust.after_window`.
     - `certain`: True if the model knows each joint's inertia.
@@ -197,6 +239,7 @@ def judge(
     - `loud`: True if the window is loud: for the learnt, and for the last good model.
     - `lost`: share of the payload whose loss explains a loud window; 0 for none.
     - `left`: innovation that remains with this loss [n], N m or N.
+    - `rubbed`: True if changed friction explains the loud windows.
     - `variance`: of a window's torque noise, (N m)² or N².
     - `duration`: time from one window to the next [s].
     """
@@ -215,14 +258,15 @@ def judge(
 
     learns = trust.relearns
     done = learns & valid & certain & (ratio < EXPLAINS) & (since > ENERGY_TIME)
-    worse = (ratio > WORSE * ratio_good) & (ratio > WRONG)
+    worse = (ratio > WORSE * ratio_good) & (ratio > WRONG) | loud & (loud_time > CONFIRMED) & ~loud_by_good
     unproven = learns | (trust.share <= 0.0) & (since < PROBATION)
     restores = (unproven | worse) & ~done & trust.has_good & (confirmed > CONFIRMED)
     unloads = ~learns & (lost > 0.0)
     loud_time = jnp.where(unloads, -RELIEF, loud_time)
     unusual = ~learns & (loud_time > LASTING)
-    refines = unusual & ~trust.has_good & (ratio < EXPLAINS)
-    changed = unusual & ~refines
+    rubs = unusual & rubbed & (trust.share >= 1.0) & (since > PROBATION + PROVEN)
+    refines = unusual & ~rubs & ~trust.has_good & (ratio < EXPLAINS)
+    changed = unusual & ~rubs & ~refines
     lasts = (since <= PROVEN) | (loud_time > LASTING)
     again = learns & ~done & ~restores & (ratio > FAILS) & (since > LASTING) & lasts
     relearns = (learns & ~done & ~restores) | changed
@@ -231,15 +275,16 @@ def judge(
     of_model = jnp.where(restores, good, learnt)
     usual = jnp.where(restores | (done & ~trust.has_good), jnp.maximum(of_model, variance), trust.usual)
     usual = jnp.where(unloads, jnp.maximum(usual, left * left), usual)
-    loud_time = jnp.where(changed | settled, 0.0, jnp.where(refines, -RELIEF, loud_time))
+    loud_time = jnp.where(changed | settled | rubs, 0.0, jnp.where(refines, -RELIEF, loud_time))
     fails = ~relearns & (trust.since < PROBATION) & (ratio > FAILS)
-    since = jnp.where(restores, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
+    since = jnp.where(restores | rubs, PROBATION, jnp.where(changed | done | again | fails, 0.0, since))
     uses = ~relearns & (since >= PROBATION) & (blind < BLIND)
     share = jnp.clip(trust.share + jnp.where(uses, duration / RISE, -duration / FALL), 0.0, 1.0)
     proven = jnp.where((share >= 1.0) & ~loud & ~unseen, trust.good + jnp.where(valid, duration, 0.0), 0.0)
     keeps = proven > PROVEN
     after = Trust(
         energy=trust.energy,
+        rubbing=trust.rubbing,
         usual=usual,
         share=share,
         relearns=relearns,
@@ -250,7 +295,7 @@ def judge(
         confirmed=confirmed,
         has_good=trust.has_good | keeps,
     )
-    return after, Verdict(restores, changed | again, keeps, unloads & ~restores)
+    return after, Verdict(restores, changed | again, keeps, unloads & ~restores, rubs & ~restores)
 
 
 def lost_payload(
