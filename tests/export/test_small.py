@@ -40,7 +40,7 @@ def deepest(folder):
     return below("slidax_law_step")
 
 
-def test_the_c_code_of_a_panda_has_under_3400_lines_and_shares_functions(panda):
+def test_the_c_code_of_a_panda_has_under_3400_lines_and_functions_for_frames_and_inertia(panda):
     folder, exported_law = panda
     text = (folder / "slidax_law.c").read_text()
     assert len(text.splitlines()) < 3400

@@ -202,9 +202,12 @@ def test_identifying_gains_and_links_without_a_known_load_difference_is_refused_
         identify(two[0], known_arm(), loads=loads, links=True, actuator_map="gain")
 
 
-def test_a_load_is_required_for_each_log(two):
+def test_loads_must_have_an_entry_for_each_log(two):
     with pytest.raises(DefinitionError, match=r"`loads` must have an entry for each of 2 logs.*; got 1: `--load none`"):
         identify(two[0], known_arm(), loads=[BLOCK])
+
+
+def test_an_empty_list_of_logs_is_refused():
     with pytest.raises(DefinitionError, match="`log` must be a log or several"):
         identify([], known_arm())
 

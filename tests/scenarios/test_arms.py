@@ -177,7 +177,7 @@ MISFITS = [
     (
         PAYLOAD,
         {"robot": {"kind": "gen3"}},
-        "actuator.rate: the robot's description has no such limit; write numbers, such as `rate: 1000`",
+        "actuator.rate: the robot's description has no torque rate limits; write numbers, such as `rate: 1000`",
     ),
     (
         PAYLOAD,
@@ -189,7 +189,7 @@ MISFITS = [
         {"actuator": {"torque": [87.0, 87.0]}},
         "actuator.torque: must be one number or one for each of the 7 joints",
     ),
-    (TWO_LINK, {"actuator": {"torque": "robot"}}, "actuator.torque: the robot's description has no such limit"),
+    (TWO_LINK, {"actuator": {"torque": "robot"}}, "actuator.torque: the robot's description has no torque limits"),
     (
         PAYLOAD,
         {"surroundings": {"table": {"height": 0.0}}},

@@ -183,7 +183,7 @@ def test_a_preset_is_the_same_in_python_and_in_a_file():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"overshot": 1.0}, r"`overshot` is unknown; did you mean `overshoot`"),
+        ({"overshot": 1.0}, r"the law has no parameter or part `overshot`; did you mean `overshoot`"),
         ({}, r"transformation: `PrescribedPerformance` needs `performance` and `overshoot`"),
         ({"k1": -1.0, "transformation": AROUND_4_1}, r"surface: `SmoothFixedTime.k1` must be > 0.*got -1"),
         ({"surface": Linear(1.0), "k1": 1.0}, r"`k1` is a parameter of `surface`, which the call replaces as well"),

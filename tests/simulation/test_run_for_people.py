@@ -36,7 +36,7 @@ def test_a_run_prints_its_outcome_and_each_joints_metrics_with_units(scara):
         assert f"{analysis.envelope_margin(scara)[joint]:.4g} of its width" in line
 
 
-def test_a_run_that_ended_early_prints_its_reason_and_no_missing_metric():
+def test_a_run_that_ended_early_prints_its_reason_and_a_dash_for_a_missing_metric():
     run = simulate(*falling(RADII[0]), **HOW)
     text = str(run)
     assert "left_envelope" in text and run.outcome.message in text

@@ -213,7 +213,7 @@ def test_a_comparison_in_two_parts_gives_the_rows_of_the_whole_comparison(tmp_pa
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
-def test_an_invalid_part_number_is_refused(text):
+def test_the_part_of_a_study_must_be_a_number_and_a_count_such_as_2_of_4(text):
     with pytest.raises(DefinitionError, match=r"such as 2/4"):
         Part.parsed(text)
 

@@ -344,9 +344,9 @@ def inverse(
 def inverse_of_chain(
     chain: KinematicChain, pose: Pose, begin: Array, preferred: Array, hold: HeldCoordinates
 ) -> InverseSolution:
-    """Solve `inverse` for a chain of joints, from `begin` and with the preferred posture `preferred` [n].
+    """Solve `inverse` for a chain of joints, from `begin`; a redundant arm stays near the posture `preferred` [n].
 
-    Raises DefinitionError if the search finds no posture.
+    Raises DefinitionError if `begin` is outside the joint limits, or if the search finds no posture.
     """
     lower, upper = chain.lower, chain.upper
     outside = (begin < lower) | (begin > upper)

@@ -53,12 +53,14 @@ class SpeedRow:
 def random_motions(
     workspace: WorkspaceDescription, arms: Arms, count: int = MOTIONS, seed: int = 0
 ) -> list[MinimumJerk]:
-    """Return motions from rest to rest between random postures, at the workspace's largest speed or acceleration.
+    """Return motions from rest to rest between random postures, as fast as the workspace's limits allow.
 
-    - `arms`: arms of the scenario.
-    - `seed`: seed of the random postures, which are uniformly distributed in the range.
+    One joint reaches its largest speed or acceleration.
 
-    Raises DefinitionError if the workspace has no range.
+    - `arms`: arms of the scenario; their position limits are the range if the workspace has none.
+    - `seed`: seed of the random postures, which are uniformly distributed in the range of the positions.
+
+    Raises DefinitionError if the range is empty, or neither the workspace nor the arm has one.
     """
     low, high = workspace.ends(arms)
     rng = np.random.default_rng(seed)

@@ -108,7 +108,7 @@ class Preset:
                         f'`{owners[0]}={{"{name}": ...}}`'
                     )
                 known = own.union(*(_names(part) for part in self._parts().values()))
-                raise DefinitionError(f"`{name}` is unknown; {nearest_word(name, sorted(known))}")
+                raise DefinitionError(f"the law has no parameter or part `{name}`; {nearest_word(name, sorted(known))}")
             part = placed.setdefault(owners[0], {})
             if not isinstance(part, Mapping):
                 raise DefinitionError(

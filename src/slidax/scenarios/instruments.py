@@ -164,7 +164,8 @@ class ActuatorDescription(AbstractDescription):
             if numbers is None or not np.isfinite(numbers).all():
                 write = {"torque": "`torque: 50`", "rate": "`rate: 1000` [N m/s]"}[field]
                 raise DefinitionError(
-                    f"the robot's description has no such limit; write numbers, such as {write}, or leave it out",
+                    f"the robot's description has no {name.replace('_', ' ')} limits; write numbers, such as {write}, "
+                    "or leave it out",
                     where=field,
                 )
             numeric[field] = numbers.tolist()

@@ -176,7 +176,8 @@ def _check_tendons(model: Any, free: set[int]) -> None:
             if np.any(values) and _is_moved(model, i, free):
                 name = model.tendon(i).name or i + 1
                 raise DefinitionError(
-                    f"tendon `{name}` has {what}; slidax models no tendons: lock its joints, or remove it"
+                    f"tendon `{name}` has {what}; slidax models no tendons: remove it, or lock its joints if it is a "
+                    "fixed tendon"
                 )
 
 

@@ -1,6 +1,7 @@
 """Write LLVM IR that loads inputs from memory, and stores outputs and log rows.
 
 A lane is one of the runs that are computed in parallel; it is inactive while only other runs take a branch or iterate.
+In a `Vector`, a lane is one of several scalars of one run.
 """
 
 from __future__ import annotations
@@ -70,7 +71,11 @@ def read(program: Program, value: Value, index: str, lanes: int, wide: bool, mas
 
 
 def read_vector(value: Value, lanes: int, out: Lines) -> None:
-    """Write LLVM IR that reads `lanes` consecutive elements of an input as a vector, from the element of `value` on."""
+    """Write LLVM IR that reads consecutive elements of an input as one vector, all of the same run.
+
+    - `value`: a `Vector` that is an input; its `data` are the indices of the input and of the first element.
+    - `lanes`: number of elements.
+    """
     (which, element), name, stored = value.data, f"%v{value.number}", STORED[value.type]
     loaded = f"{name}i" if value.type == "b1" else name
     out.write(f"{name}p = getelementptr {stored}, ptr %in{which}, i64 {element}")
