@@ -196,7 +196,7 @@ def test_inertia_of_rounding_errors_counts_as_zero():
     dust = changed(GOOD, INERTIA, inertia("0", "0", "0", "1.3e-20"))
     for how in ("given", "nearest"):
         with pytest.raises(
-            DefinitionError, match=r"`fore` must be positive definite.*; write the body's inertia"
+            DefinitionError, match=r"`fore` must be positive definite.*; give the body its true inertia"
         ) as caught:
             from_urdf(dust, inertias=how)
         assert "nearest" not in str(caught.value)

@@ -12,6 +12,7 @@ from slidax.core.types import State
 from slidax.law import ArmLearning, ComputedTorque, JointLearning, Kalman, KnownArm, StrongTracking, sampled_data
 from slidax.law.adaptation import Experience
 from slidax.law.arm_model import ArmParameters
+from slidax.law.least_squares import KINDS, NOISE, QUARTERS, Window, next_windows, window_noise, window_sums
 from slidax.law.model_trust import (
     BLIND,
     CONFIRMED,
@@ -272,6 +273,43 @@ def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_its_rotors_a
         assert not whole or ratio.real.max() < 1.0 + 1e-9
 
 
+@pytest.mark.parametrize(("samples", "period"), [(10, 1e-3), (5, 2e-3), (3, 4e-3)])
+def test_noise_of_a_window_grows_with_the_inertia_and_with_the_encoders_noise(samples, period):
+    deviation, inertias = np.array([1e-5, 4e-5]), np.array([50.0, 20.0])
+    expected = window_noise(np.diag(inertias), deviation, samples, period)
+    rng, nothing = np.random.default_rng(0), jnp.zeros(400)
+
+    @jax.jit
+    def sampled(sums, slot, q):
+        return window_sums(sums, slot, samples, jnp.asarray(period), q, nothing, nothing, nothing)
+
+    for joint in range(2):
+        sums = jnp.zeros((QUARTERS, KINDS, 400))
+        for quarter in range(QUARTERS):
+            for slot in range(samples):
+                sums = sampled(sums, jnp.asarray(float(slot)), jnp.asarray(deviation[joint] * rng.standard_normal(400)))
+            sums = sums if quarter == QUARTERS - 1 else next_windows(sums)
+        torque = inertias[joint] * np.asarray(Window.of(sums).ddq)
+        np.testing.assert_allclose(np.std(torque), expected[joint], rtol=0.15)
+    light = window_noise(np.diag([0.01, 50.0]), 1e-5, samples, period)
+    assert light[0] == NOISE and light[1] == expected[0]
+
+
+def test_a_heavy_joint_gets_its_own_noise_unless_a_scenario_states_one():
+    def noise(**changes):
+        return load("ur5e-payload", {**ARM_LEARNING, **changes}).controller.adaptation.noise
+
+    own = noise()
+    assert own[1] > 2.0 * NOISE and own[-1] == NOISE
+    coarse = noise(**{"sensor.resolution": 1e-4})
+    assert coarse[1] > 3.0 * own[1]
+    stated = f"{next(iter(ARM_LEARNING))}.noise"
+    np.testing.assert_array_equal(noise(**{stated: 0.3}), 0.3)
+    np.testing.assert_array_equal(noise(**{stated: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]})[3], 0.4)
+    with pytest.raises(DefinitionError, match="noise"):
+        noise(**{stated: [0.1, 0.2]})
+
+
 def test_a_lost_payload_is_found_by_the_torque_that_it_took():
     noise, carried = learner().noise ** 2, jnp.array([4.0, -1.0])
     heard = jnp.ones(2, bool)
@@ -284,6 +322,10 @@ def test_a_lost_payload_is_found_by_the_torque_that_it_took():
     for missed in (carried, jnp.array([1.0, 4.0]), jnp.array([0.0, 1.0])):
         assert not lost_payload(missed, carried, heard, noise)[0]
     assert not lost_payload(-carried, carried, jnp.zeros(2, bool), noise)[0]
+    # A joint with much noise says little.
+    missed = jnp.array([-3.0, 2.0])
+    for variance, expected in (((1.0, 1e-4), False), ((1e-4, 1.0), True)):
+        assert lost_payload(missed, carried, heard, jnp.array(variance))[0] == expected
 
 
 def test_changed_friction_leaves_the_model_in_use(in_use):
@@ -320,7 +362,7 @@ def test_a_change_of_friction_is_recognised_by_the_direction_of_motion(in_use):
     assert recognised(lambda direction, k: jnp.array([0.7, 0.0]) * float(k >= 20))[0]
 
 
-def test_the_filter_of_a_learnt_arm_belongs_to_the_inertia_that_couplings_leave():
+def test_the_estimators_bandwidth_of_a_learnt_arm_takes_the_couplings_between_joints_into_account():
     adaptation, q, still = learner(), jnp.array([0.3, -0.5]), jnp.zeros(2)
     memory = adaptation.init(State(q=q, dq=still))
     args = q, still, still, ARM.mass(q), ARM.bias(q, still), jnp.asarray(PERIOD), NO, ARM

@@ -55,7 +55,10 @@ COARSE = 0.25
 
 
 class EncoderCause(AbstractCause):
-    """An encoder step is a large share of the envelope, or encoder noise alone exceeds the torque rate limit."""
+    """Cause of poor tracking: a coarse encoder.
+
+    Its step is a large share of the envelope, or the torque steps that its rounding alone causes exceed the rate limit.
+    """
 
     name: ClassVar[str] = "encoder"
 

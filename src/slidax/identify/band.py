@@ -30,14 +30,16 @@ INTERVALS = ("armature", "coulomb", "viscous")
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Simultaneous confidence region of an arm's parameters: with `confidence`, all its bounds hold together.
+    """Bounds of an identified arm's errors, which hold together with the probability `confidence`.
+
+    They are bounds of the mass matrix, of the torque along a motion, and of each joint's rotor inertia and friction.
 
     The true arm's mass matrix M, with payload and rotors, is within a relative distance p of the identified arm's M₀:
 
         (1 - p) M₀(q) ≤ M(q) ≤ (1 + p) M₀(q)   for every q,                                                  (1)
 
-    as matrix inequalities. The region is defined by this inequality. `MassBound` proves it for a parameter error, for
-    all q and not only for samples of q. A log determines only the base parameters: the combinations of parameters that
+    as matrix inequalities. For a given error of the parameters `MassBound` proves (1) for all q, not only for samples
+    of q. A log determines only the base parameters: the combinations of parameters that
     change M, C and G. The distance p does not depend on other combinations.
 
     A second bound is for the torque along a motion. Let φ be the arm's inertial parameters (`arm_parameters`), φ₀ those
@@ -54,7 +56,7 @@ class Band:
     - `armature`, `coulomb`, `viscous`: intervals of each joint's rotor inertia and friction coefficients, lower ends,
       then upper ends [2 n]; empty [2 0] if not identified.
     - `deviations`: D, r deviations of φ that span the ellipsoid [r 11n], each in the order of `arm_parameters`. The
-      ellipsoid is the set of all `φ₀ + ξ D` with `|ξ| ≤ 1`.
+      ellipsoid is the set of all errors `Δφ = ξ D` with `|ξ| ≤ 1`.
     - `links`: True if links were identified; False if their parameters are taken as exact.
     """
 

@@ -34,6 +34,7 @@ from .arm_model import (
 from .joint_learning import JointLearning, Learning
 from .least_squares import (
     KINDS,
+    NOISE,
     QUARTERS,
     Equations,
     Estimates,
@@ -44,6 +45,7 @@ from .least_squares import (
     next_windows,
     quadratic_form,
     standard_deviations,
+    window_noise,
     window_sums,
     with_drift,
 )
@@ -135,7 +137,7 @@ class ArmLearning(AbstractAdaptation):
         "learning of each joint, in use while the arm's model is not", default_factory=JointLearning
     )
     samples: int = parameter("samples between two windows", "", ">= 3", static=True, default=10)
-    noise: Scalar = parameter("r, standard deviation of a window's torque", "N m or N", "> 0", default=0.02)
+    noise: PerJoint = parameter("r, standard deviation of a window's torque", "N m or N", "> 0", default=NOISE)
     mass: Scalar = parameter("standard deviation of the payload's mass at the start", "kg", "> 0", default=2.5)
     moment: Scalar = parameter("standard deviation of its mass times centre", "kg m", "> 0", default=0.5)
     inertia: Scalar = parameter("standard deviation of its inertia", "kg m²", "> 0", default=0.08)
@@ -479,16 +481,19 @@ class ArmLearning(AbstractAdaptation):
         )
 
     @classmethod
-    def of_arm(cls, joints: JointLearning, *, period: float, **parameters: Any) -> ArmLearning:
-        """Return the adaptation for an arm, with windows of 40 ms, or of twelve periods if that is more.
+    def of_arm(
+        cls, joints: JointLearning, *, inertia_matrix: Any, deviation: Any, period: float, **parameters: Any
+    ) -> ArmLearning:
+        """Return the adaptation for an arm, with windows of at least 40 ms and twelve periods, and their torque noise.
 
         - `joints`: adaptation of each joint alone, from `JointLearning.of_arm`.
-        - `period`: h [s].
+        - `inertia_matrix`: M of the nominal arm at a working posture [n n].
+        - `deviation`, `period`: as of `JointLearning.of_arm`.
         - `parameters`: parameters that replace the defaults.
 
         Raises DefinitionError if one of them is out of its range.
         """
-        samples = max(FEWEST, round(UPDATE_TIME / period))
-        known = {name: value for name, value in parameters.items() if value is not None}
-        own = {"counted": joints.counted, "smoothing": joints.smoothing, "joints": joints, "samples": samples}
-        return cls(**{**own, **known})
+        known = {"samples": max(FEWEST, round(UPDATE_TIME / period)), "smoothing": joints.smoothing, "joints": joints}
+        known |= {name: value for name, value in parameters.items() if value is not None}
+        noise = window_noise(inertia_matrix, deviation, known["samples"], period)
+        return cls(**{"counted": joints.counted, "noise": noise, **known})

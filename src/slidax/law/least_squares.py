@@ -7,12 +7,14 @@ an equation is `y - aᵀθ`. A covariance P is packed: it is its lower triangle,
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from numpy.typing import NDArray
 
 from slidax.core.types import Scalar, Vector
 
@@ -114,6 +116,25 @@ class Window(eqx.Module):
 
 KINDS = 6
 """Number of sums in a window: q with three kernels, torque, and two shapes of friction. Further shapes follow them."""
+
+
+NOISE = 0.02
+"""N m or N: least standard deviation of a window's torque."""
+
+
+def window_noise(inertia_matrix: Any, deviation: Any, samples: int, period: float) -> NDArray[np.float64]:
+    """Return the standard deviation of a window's torque [n], N m or N: `NOISE`, or more by the encoders' noise.
+
+    By the kernel's second derivative, white position noise is an acceleration noise of `σ (2π/T)² (4/3) √(h/T)`.
+
+    - `inertia_matrix`: M of the nominal arm at a working posture [n n].
+    - `deviation`: σ, standard deviation of a measured position, one number or [n], rad or m.
+    - `samples`: m, samples between two windows; T = 4 m h.
+    - `period`: h [s].
+    """
+    duration = QUARTERS * samples * period
+    acceleration = np.asarray(deviation, float) * (2.0 * np.pi / duration) ** 2 * 4.0 / 3.0 * np.sqrt(period / duration)
+    return np.maximum(NOISE, np.diagonal(np.asarray(inertia_matrix, float)) * acceleration)
 
 
 def next_windows(sums: Float[Array, "4 k n"]) -> Float[Array, "4 k n"]:

@@ -94,7 +94,7 @@ class Trust(eqx.Module):
     has_good: Bool[Array, ""]
 
     @classmethod
-    def init(cls, joints: int, variance: Scalar) -> Trust:
+    def init(cls, joints: int, variance: PerJoint) -> Trust:
         """Return the evidence before the first window; `variance`: of a window's torque noise, (N m)² or N²."""
         nothing = jnp.zeros(())
         return cls(
@@ -111,7 +111,7 @@ class Trust(eqx.Module):
             has_good=jnp.zeros((), bool),
         )
 
-    def noise(self, variance: Scalar) -> Vector:
+    def noise(self, variance: PerJoint) -> Vector:
         """Return the noise variance for the least squares [n], (N m)² or N².
 
         It is larger while the model is learnt or on probation, so that no single event decides a parameter.
@@ -126,7 +126,7 @@ class Trust(eqx.Module):
         torque: Vector,
         direction: Vector,
         heard: Bool[Array, " n"],
-        variance: Scalar,
+        variance: PerJoint,
         duration: Scalar,
     ) -> tuple[Trust, Bool[Array, "2"]]:
         """Return the evidence after a window, and whether it is loud for the learnt, and for the last good model [2].
@@ -213,7 +213,7 @@ def judge(
     lost: Scalar,
     left: Vector,
     rubbed: Bool[Array, ""],
-    variance: Scalar,
+    variance: PerJoint,
     duration: Scalar,
 ) -> tuple[Trust, Verdict]:
     """Decide after a window which model the law uses; return the evidence after the decision, and the decision.
@@ -299,16 +299,18 @@ def judge(
 
 
 def lost_payload(
-    missed: Vector, carried: Vector, heard: Bool[Array, " n"], noise: Scalar
+    missed: Vector, carried: Vector, heard: Bool[Array, " n"], variance: PerJoint
 ) -> tuple[Bool[Array, ""], Scalar, Vector]:
     """Return True if a lost share of the payload explains a window, this share, and the remaining innovation [n].
+
+    Each joint counts relative to the noise of its torque.
 
     - `missed`: innovation of the model with the whole payload [n], N m or N.
     - `carried`: torque of the whole payload [n], N m or N.
     - `heard`: True for each joint that moves in a valid window [n].
-    - `noise`: variance of a window's torque noise, (N m)² or N².
+    - `variance`: variance of a window's torque noise, one number or [n], (N m)² or N².
     """
     own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
-    share = jnp.clip(-jnp.sum(own * torque) / jnp.maximum(jnp.sum(torque * torque), noise), 0.0, 1.0)
+    share = jnp.clip(-jnp.sum(own * torque / variance) / jnp.maximum(jnp.sum(torque * torque / variance), 1.0), 0.0, 1.0)
     left = own + share * torque
-    return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
+    return jnp.sum(left * left / variance) < UNEXPLAINED * jnp.sum(own * own / variance), share, left

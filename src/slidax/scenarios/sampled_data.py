@@ -204,7 +204,9 @@ class ArmLearningDescription(AbstractDescription):
     kind: Literal["arm_learning"]
     joints: JointLearningDescription = JointLearningDescription()
     """Learning of each joint on its own, used while the learnt model of the arm is not in use."""
-    noise: float = same_field(ArmLearning, "noise")
+    noise: Numbers | None = same_field(
+        ArmLearning, "noise", default=None, source="0.02, or more by the encoders' noise"
+    )
     mass: float = same_field(ArmLearning, "mass")
     moment: float = same_field(ArmLearning, "moment")
     inertia: float = same_field(ArmLearning, "inertia")
@@ -218,7 +220,14 @@ class ArmLearningDescription(AbstractDescription):
     def build(self, sampling: Sampling) -> AbstractAdaptation:
         """Build the adaptation."""
         own = {name: value for name, value in self.parameters().items() if name != "joints"}
-        return ArmLearning.of_arm(self.joints.build(sampling), period=sampling.period, **own)
+        deviation = np.sqrt(np.asarray(sampling.variance))
+        return ArmLearning.of_arm(
+            self.joints.build(sampling),
+            inertia_matrix=sampling.mass,
+            deviation=deviation,
+            period=sampling.period,
+            **own,
+        )
 
 
 if TYPE_CHECKING:

@@ -219,7 +219,9 @@ class PointCell:
         return np.minimum(np.sum(speed * by_joint, axis=1), norm * by_norm * self.grown)
 
     def crossed(self, speed: Floats) -> Floats:
-        """Return a bound of the norm of the change of `Ẏ_v = Σ_j v_j ∂_j Y` over cell and tube [cells].
+        """Return a bound of how much `Ẏ_v = Σ_j v_j ∂_j Y` differs from its value at the cell's centre [cells].
+
+        It holds in the whole cell and the tube around it. Y is the points' Jacobian.
 
         - `speed`: bounds of |v_j| [cells n].
         """
