@@ -417,7 +417,7 @@ REFUSED = [
     ("tune", {"gains": {}}, "gains"),
     ("tune", {"gains": {"scheme.surface.k9": {"between": [0, 1]}}}, "k9"),
     ("tune", {"gains": {"scheme.surface.k1": {"between": [-1, 1]}}}, "k1"),
-    ("tune", {"gains": {"disturbance.scale": {"between": [0, 1]}}}, "among the uncertain values and among the varied ones"),
+    ("tune", {"gains": {"disturbance.scale": {"between": [0, 1]}}}, "among the uncertain and the varied"),
     ("tune", {"aims": ["speed"]}, "there is no metric `speed`"),
     ("tune", {"candidates": 0}, "candidates"),
     ("tune", {"cases": 0}, "cases"),

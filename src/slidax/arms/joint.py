@@ -35,7 +35,8 @@ def require_rigid(inertia: np.ndarray, what: str, *, moves: bool, setting: Setti
     end = f"; {setting.in_python} takes the nearest that a body can have" if setting else ""
     if moves and is_point(inertia):
         raise DefinitionError(
-            f"{what} must be positive definite; its principal moments are {listed} kg m²; give the body its true inertia"
+            f"{what} must be positive definite; its principal moments are {listed} kg m²; "
+            "give the body its true inertia"
         )
     if is_rigid(inertia):
         return

@@ -311,6 +311,7 @@ def lost_payload(
     - `variance`: variance of a window's torque noise, one number or [n], (N m)² or N².
     """
     own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
-    share = jnp.clip(-jnp.sum(own * torque / variance) / jnp.maximum(jnp.sum(torque * torque / variance), 1.0), 0.0, 1.0)
+    size = jnp.maximum(jnp.sum(torque * torque / variance), 1.0)
+    share = jnp.clip(-jnp.sum(own * torque / variance) / size, 0.0, 1.0)
     left = own + share * torque
     return jnp.sum(left * left / variance) < UNEXPLAINED * jnp.sum(own * own / variance), share, left

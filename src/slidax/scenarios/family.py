@@ -133,7 +133,8 @@ class Family:
         both = [path for path in spaces["uncertainty"].sets if path in spaces["varied"].sets]
         if both:
             raise DefinitionError(
-                "this path is among the uncertain values and among the varied ones: remove it from one of the two lists", where=f"uncertainty.{both[0]}"
+                "is among the uncertain and the varied values: remove it from one of the two",
+                where=f"uncertainty.{both[0]}",
             )
         family = cls(resolved, spaces["uncertainty"], spaces["varied"])
         family.require_valid()
