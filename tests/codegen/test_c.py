@@ -1,5 +1,8 @@
 """Generated C agrees with its program and compiles without a warning."""
 
+import ctypes
+import subprocess
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +12,9 @@ from jax import lax
 
 from slidax.codegen import c_code, trace
 from slidax.codegen.builder import Builder
+from slidax.codegen.c.expressions import Dialect, Helpers
 
-from .compiled_c import COMPILERS, GUARDS, compiled, needs_a_compiler
+from .compiled_c import COMPILERS, GUARDS, STRICT, compiled, needs_a_compiler
 from .random_programs import random_arrays, random_program
 from .test_trace import EXACT, N, P, X, Y
 
@@ -155,3 +159,29 @@ def test_integer_division_is_defined_for_zero_and_overflow(tmp_path):
     divided, rest = call([np.array([7, -(2**31), -7, -7]), np.array([0, -1, 2, -1])])
     assert divided.tolist() == [-1, -(2**31), -3, 7]
     assert rest.tolist() == [7, 0, -1, 0]
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_one_number_that_is_not_finite_is_found_among_many(tmp_path, real):
+    helpers = Helpers(Dialect(real=real))
+    name = helpers.name_of("all_finite", "f64")
+    wrapper = (
+        f"bool every(const {real} *x, size_t n);\nbool every(const {real} *x, size_t n)\n{{ return {name}(x, n); }}\n"
+    )
+    heads = "".join(f"#include <{head}.h>\n" for head in ("math", "stdbool", "stddef"))
+    file, library = tmp_path / "every.c", tmp_path / "every.so"
+    file.write_text(heads + "\n".join(helpers.lines) + wrapper)
+    flags = [*STRICT, "-O2", "-fPIC", "-shared", *GUARDS]
+    subprocess.run([COMPILERS[0], *flags, str(file), "-o", str(library), "-lm"], check=True)
+    every = ctypes.CDLL(str(library)).every
+    every.restype, every.argtypes = ctypes.c_bool, [ctypes.c_void_p, ctypes.c_size_t]
+    # A sum of these numbers themselves would be infinite.
+    most = np.finfo(np.float32 if real == "float" else np.float64).max
+    for size in (7, 8, 30):
+        for k in range(size):
+            x = np.full(size, most, np.float32 if real == "float" else np.float64)
+            assert every(x.ctypes.data, size)
+            for wrong in (np.nan, np.inf, -np.inf):
+                x[k] = wrong
+                assert not every(x.ctypes.data, size)
