@@ -98,5 +98,5 @@ def test_a_payload_link_in_urdf_adds_the_payloads_inertia_to_the_arm():
 
 
 def test_an_unknown_payload_form_is_refused_with_the_nearest_known_form():
-    with pytest.raises(DefinitionError, match="unknown form of a payload `frank`; did you mean `franka`"):
+    with pytest.raises(DefinitionError, match="unknown payload format `frank`; did you mean `franka`"):
         payload_text(PAYLOAD, "frank")

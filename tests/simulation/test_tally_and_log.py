@@ -126,7 +126,7 @@ def test_a_run_without_an_envelope_logs_none_and_has_an_infinite_margin():
     assert np.asarray(done.tally.last_above)[0].tolist() == [np.flatnonzero(e[:, j] > 0.3)[-1] for j in (0, 1)]
 
 
-def test_a_run_has_units_times_and_computing_cost():
+def test_a_run_reports_joint_units_period_end_time_and_seconds_of_compiling_and_running():
     done = run(1)
     assert (done.joint_units, done.joints, float(done.period), float(done.t1)) == (("rad", "rad"), 2, PERIOD, END)
     assert done.timing.compile_s > 0 and done.timing.run_s > 0

@@ -29,9 +29,9 @@ READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
 def admissibility(scenario: Scenario) -> Verdict:
     """Check the parameters' ranges, that each start is inside the envelope, and the motion's positions and speeds.
 
-    The ranges are those of the paper's (20) and (29)-(47), and the envelope is `bρ(0) < e(0) < b̄ρ(0)` (12). A scenario
-    cannot be built with a parameter outside its own range. This certificate checks the parameters together with the
-    arm, its motion and its uncertainty.
+    The ranges are those of the paper's (20) and (29)-(47), and the envelope is `bρ(0) < e(0) < b̄ρ(0)` (12) with the
+    radius ρ, and b and b̄ for its two sides. A scenario cannot be built with a parameter outside its own range. This
+    certificate checks the parameters together with the arm, its motion and its uncertainty.
     """
     start, inside = _start(scenario)
     assumptions = [*_parameters(scenario), *inside, *_limits(scenario), _torque(scenario)]

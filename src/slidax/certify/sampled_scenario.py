@@ -144,7 +144,7 @@ def has_envelope(scenario: Scenario) -> bool:
 
 
 def envelope_bounds(scenario: Scenario, times: Floats) -> tuple[Floats, Floats] | None:
-    """Return the envelope's lower and upper bounds for the scenario's own start, each [times n]; None without one.
+    """Return the envelope's lower and upper bounds for the scenario's own start [times n], rad or m; None without one.
 
     - `times`: [times], s.
     """

@@ -150,7 +150,7 @@ FREE = frozenset({"const", "input", "param", "result", "copy", "bitcast"})
 
 
 class OperationCount(NamedTuple):
-    """Largest number of operations that one run of a program can take.
+    """Upper bound of the number of operations in one run of a program.
 
     - `operations`: number of additions, products, comparisons, selections, elementary functions and so on.
     - `elementary`: number of elementary functions among them.
@@ -175,7 +175,7 @@ NO_OPERATIONS = OperationCount(0, 0)
 
 
 def count_operations(program: Program) -> OperationCount | None:
-    """Return the largest number of operations in a run: with most iterations of each loop, and longest branch sides.
+    """Return a bound of the operations in a run: most iterations of each loop, and the longest side of each branch.
 
     Returns None if a loop's number of iterations has no known bound.
     """

@@ -28,10 +28,10 @@ def write_arm(identification: Identification, robot: Mapping[str, Any], path: st
 
     The section `robot` is the arm's description as in scenario files, with the identified parameters. The section
     `uncertainty` is the confidence region of the true arm (`Identification.band`). For an arm without a band it lists
-    the standard error of each parameter. The sections `torque_offset`, `torque_asymmetry`, `torque_stribeck` and
-    `torque_ripple_N_cos` are identified torque terms for which an arm's description has no key. The sections
-    `actuator` and `actuator_map` have the identified map from the log's torques to the joints' torques, and its
-    standard errors.
+    the standard error of each parameter. The sections `torque_offset`, `torque_asymmetry`, `torque_stribeck`,
+    `torque_ripple_N_cos` and `torque_ripple_N_sin` (N periods per turn, such as `torque_ripple_30_cos`) are identified
+    torque terms for which an arm's description has no key. The sections `actuator` and `actuator_map` have the
+    identified map from the log's torques to the joints' torques, and its standard errors.
 
     - `identification`: the identified arm.
     - `robot`: the arm's description before identification, such as `{"kind": "panda"}`.

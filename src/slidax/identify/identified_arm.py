@@ -82,7 +82,7 @@ class LogFit:
     """A log, and the prediction of its torques by the identified arm.
 
     - `log`: the log that was fitted.
-    - `cut_off`: cut-off frequency of the filter [Hz].
+    - `cut_off`: cut-off frequency of the low-pass filter that torques and prediction pass [Hz].
     - `lag`, `lag_error`: delay of the torques after the positions, and its standard error [s].
     - `t`, `measured`, `predicted`: times [k], and filtered torques [k n], N m or N.
     - `split`: first row of the held-out part, which is predicted and not fitted.

@@ -216,7 +216,7 @@ def in_commands(
 ) -> tuple[list[Unknowns], ParameterFit, np.ndarray]:
     """Replace the torques' error E by the actuator map `G = (1 + E)⁻¹`, `τ = G τ_log`, in a fit and its covariance.
 
-    Returns the equations, the fit, and θ.
+    τ_log are the log's torques, τ the joints'. Returns the equations, the fit, and the parameters θ.
 
     - `unknowns`: the equation of each log.
     - `fitted`: the fit, whose covariance changes.

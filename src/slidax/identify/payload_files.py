@@ -74,19 +74,19 @@ FORMS: Mapping[str, Callable[[Payload], str]] = {
 
 
 def require_payload_form(form: str) -> None:
-    """Raise DefinitionError if `form` is not a name in `FORMS`."""
+    """Raise DefinitionError if `form` is not the name of a format in `FORMS`."""
     if form not in FORMS:
-        raise DefinitionError(f"unknown form of a payload `{form}`; {nearest_word(form, FORMS)}")
+        raise DefinitionError(f"unknown payload format `{form}`; {nearest_word(form, FORMS)}")
 
 
 def payload_text(payload: Payload, form: str) -> str:
-    """Return a payload as text in a manufacturer's form.
+    """Return a payload as text in a manufacturer's format.
 
     The payload's frame is the arm's tip, which must be the manufacturer's flange.
 
-    - `form`: a name in `FORMS`.
+    - `form`: name of the format, one of `FORMS`.
 
-    Raises DefinitionError for an unknown form.
+    Raises DefinitionError for an unknown format.
     """
     require_payload_form(form)
     return FORMS[form](payload)

@@ -111,7 +111,7 @@ class LogRecord:
         return self if narrow.shortage() else narrow
 
     def shortage(self) -> str:
-        """Return a sentence if the filter leaves too few samples in the fitted or held-out part, else an empty text."""
+        """Return a sentence if too few samples remain without the filter's settling time, else an empty text."""
         signals = self.signals
         row, settled, rate = np.arange(len(signals.t)), signals.settled, signals.rate
         within = f" in {len(signals.pieces)} parts without a gap" if len(signals.pieces) > 1 else ""
@@ -157,7 +157,7 @@ def record_of(
 
     - `log`: the log as read.
     - `load`: the load in addition to the arm's own payload; None if it is unknown.
-    - `cut_off`: cut-off frequency of the filter [Hz]; None to choose it from the data.
+    - `cut_off`: cut-off frequency of the equations' filter [Hz]; None to choose it from the data.
     - `held_out`: share at the end that is predicted and not fitted.
 
     Raises DefinitionError if the log cannot be used.

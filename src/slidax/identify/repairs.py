@@ -51,7 +51,7 @@ class Repair:
 
     @property
     def score(self) -> float:
-        """The match's score plus the cost of the changes."""
+        """The match's score plus the cost of the changes; smaller is better."""
         return self.match.score + EACH * self.joints
 
 

@@ -107,12 +107,12 @@ class LogSignals:
 
     @property
     def settled(self) -> int:
-        """Settling time of the filter at each end of a piece, in samples."""
+        """Settling time of the equations' filter at each end of a piece, in samples."""
         return math.ceil(self.rate / self.cut_off)
 
     @cached_property
     def inner(self) -> np.ndarray:
-        """True for measured rows at which the filter has settled [k]."""
+        """True for measured rows at which the equations' filter has settled [k]."""
         inner: np.ndarray = np.zeros(len(self.t), bool)
         for piece in self.pieces:
             if piece.stop - piece.start > SHORTEST:

@@ -264,9 +264,9 @@ def noise_of(deviation: float, low: float, high: float, period: float) -> float:
     """Return the standard deviation of a measured acceleration in the band, rad/s², for white position noise.
 
     `σ √(h/π ∫ |D(ω) F(ω)|² dω)` up to `π/h`, with D and F the frequency responses of the second difference and
-    the filter.
+    the band-pass (`filter_step`).
 
-    - `deviation`: standard deviation of a measured position, rad; `r/√12` for a resolution r.
+    - `deviation`: σ, standard deviation of a measured position, rad; `r/√12` for a resolution r.
     - `low`, `high`: ends of the band [rad/s].
     - `period`: h [s].
     """

@@ -81,7 +81,7 @@ class CalmStep(AbstractStep):
 
     All accelerations are relative to the reference's. e and v are the errors of position and velocity at the time when
     the torque sets in. a⁻ is the last step's acceleration, and Δw the change of the estimated disturbance ŵ since then.
-    ρ_a is the radius of the led error's envelope at the end of the horizon. b ρ_a and b̄ ρ_a are its two sides.
+    ρ_a is the radius of the envelope of the led error y at the end of the plan's horizon H, with the sides b and b̄.
 
     1. `z = a⁻ + Δw`: the acceleration if the torque does not change;
     2. `a = z - K1 e - K2 v - K3 z`: with `e⁺ = e + h v + h² a/2`, `v⁺ = v + h a` the loop has the poles `exp(-d)` and

@@ -56,8 +56,8 @@ class AbstractController(AbstractPart):
         """Return the law as an implicit Euler step over a horizon, for `sampled_data`; None if it has no such form.
 
         - `recovery`: policy outside the envelope; None: return to the prescribed envelope.
-        - `slopes`: the size u of the robust torque grows with τ0 + τ1, the paper's eq. (45). True includes in τ0 + τ1
-          the acceleration that keeps s constant, as printed. False leaves it out, so that u is smaller.
+        - `slopes`: the size u of the robust torque grows with the other torque τ0 + τ1, the paper's eq. (45). True
+          includes in it the acceleration that keeps s constant, as printed. False leaves it out: u is smaller.
         """
         return None
 

@@ -43,7 +43,7 @@ def psi(x: Float[Array, "..."], sides: Sides) -> Float[Array, "..."]:
 
 
 def psi_and_slope(x: Float[Array, "..."], sides: Sides) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-    """Return `ψ(x)` of the paper's eq. (21), and its derivative `b b̄ (b - b̄) eˣ/(b eˣ - b̄)²`, which is > 0.
+    """Return `ψ(x) = b b̄ (eˣ - 1)/(b eˣ - b̄)`, the paper's eq. (21), and `ψ' = b b̄ (b - b̄) eˣ/(b eˣ - b̄)² > 0`.
 
     - `x`: transformed error.
     - `sides`: b and b̄, broadcast with `x`.
@@ -80,7 +80,7 @@ def psi_inverse_slope(x: Float[Array, "..."], sides: Sides) -> Float[Array, "...
 class EnvelopeFrame(eqx.Module):
     """Envelope of the led error y, now and one horizon H later: `b now < y < b̄ now`, with the sides b and b̄.
 
-    - `now`: led radius now, `ρ + c ρ̇`, [n], rad or m; 1 without an envelope.
+    - `now`: led radius now, `ρ + c ρ̇` with c of `y = e + c ė`, [n], rad or m; 1 without an envelope.
     - `ahead`: its tangent one horizon later, `now + H (ρ̇ + c ρ̈)`, [n], rad or m; 1 without an envelope.
     - `sides`: b and b̄ [n]; None without an envelope.
     """
@@ -90,7 +90,7 @@ class EnvelopeFrame(eqx.Module):
     sides: Sides | None
 
     def psi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return the normalised led error `ψ(ε)` and its derivative `ψ'(ε)`, [n] each.
+        """Return the normalised led error `ψ(ε)`, see `psi`, and its derivative `ψ'(ε)`, [n] each.
 
         `now ψ(ε)` is a led error at the present time, `ahead ψ(ε)` one horizon later. Without an envelope ψ(ε) = ε.
 
@@ -119,8 +119,8 @@ class TransformedError(eqx.Module):
 
     - `eps1`: transformed error ε1.
     - `eps2`: its rate ε2, 1/s.
-    - `beta`: diagonal of B, 1/rad.
-    - `alpha`: diagonal of A, 1/s.
+    - `beta`: diagonal of `B = ∂ε1/∂e`, 1/rad or 1/m.
+    - `alpha`: diagonal of A, `-ρ̇/ρ` of the envelope's radius ρ, 1/s; 0 without an envelope.
     - `alpha_rate`: diagonal of Ȧ, 1/s².
     """
 
@@ -164,8 +164,8 @@ class AbstractTransformation(AbstractPart):
         """Return the envelope of the led error now and one horizon later, for a law with an implicit step.
 
         - `t`: time [s].
-        - `lead_time`: c [s].
-        - `horizon`: H [s].
+        - `lead_time`: c of the led error `e + c ė` [s].
+        - `horizon`: H, over which the law plans [s].
         - `memory`: from `init`.
         """
 

@@ -108,9 +108,10 @@ class Measured(AbstractEstimator):
     """`q = q'`, `q̇ = q̇'`, and the disturbance from the velocity's prediction error by an α-β filter.
 
     With `r = (q̇' - q̇_predicted)/h`: `w⁺ = w + h d + g (r + ŵ - w - h d)`, `d⁺ = d + b (r + ŵ - w - h d)/h`,
-    `ŵ⁺ = w⁺ + ahead h d⁺`. w is the unexplained acceleration in the middle of the last period, d its rate, and g and b
-    are the gains `gain` and `trend`. ŵ is extrapolated by `ahead` periods to the time when the next torque acts. A
-    disturbance that grows steadily is thus compensated without a lag. For sensors that measure velocity accurately.
+    `ŵ⁺ = w⁺ + ahead h d⁺`. q' and q̇' are measured. w is the unexplained acceleration in the middle of the last period,
+    d its rate, and g and b are the gains `gain` and `trend`. ŵ is extrapolated by `ahead` periods to the time when the
+    next torque acts. A disturbance that grows steadily is thus compensated without a lag. For sensors that measure
+    velocity accurately.
     """
 
     title = "Measured positions and velocities, and an α-β filter of the disturbance."
@@ -184,10 +185,10 @@ class Measured(AbstractEstimator):
 class FilteredDifference(AbstractEstimator):
     """`q = q'`, `q̇ = q̇_predicted + a d`, `ŵ⁺ = ŵ + g a² d/h`, with `a = 1 - e^{-c h}`.
 
-    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`, with the last sample's measured position
-    q'₋ and estimated velocity q̇₋. The filter is a complementary one: slow changes of the velocity come from the
-    measured positions, fast changes from the model. It therefore lags only behind unmodelled motion. Measured
-    velocities are not used.
+    The model's velocity error is `d = (q' - q'₋)/h - (q̇_predicted + q̇₋)/2`, with the measured position q', and the
+    last sample's measured position q'₋ and estimated velocity q̇₋. The filter is a complementary one: slow changes of
+    the velocity come from the measured positions, fast changes from the model. It therefore lags only behind
+    unmodelled motion. Measured velocities are not used.
 
     For `c h << 1` the error dynamics have the characteristic polynomial `λ² + c λ + g c²`. Its damping ratio is
     `1/(2 √g)`, critical for g = 1/4. The errors decay for all `c h` and `0 < g <= 1`.
@@ -228,14 +229,15 @@ class RobustDifferentiator(AbstractEstimator):
     """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ -λ2 L Sgn(σ0) - dŵ/dt`, implicit in time.
 
     σ0, σ1, σ2 are the errors of position, velocity and disturbance. They reach zero in finite time if the disturbance
-    changes no faster than L. Measured velocities are not used.
+    changes no faster than L. `λ0 = 2`, `λ1 = 2.12`, `λ2 = 1.1`, and `sig^a(x) = |x|^a sgn(x)`. Measured velocities are
+    not used.
 
-    An implicit Euler step has `r = q' - q_predicted`, `R = |r|/(L h³)` and the unknown y, which gives the remaining
-    position error `σ0 = L h³ y³ sgn(r)`. y solves `y³ + λ0 y² + λ1 y + λ2 s = R`, where `s = min(R/λ2, 1)` is selected
-    from the set-valued sign. Then `q = q' - σ0`, `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`,
-    `ŵ⁺ = ŵ + L h λ2 s sgn(r)`. While `R <= λ2`, y is 0, and the estimation error vanishes within three samples without
-    chattering. The Euler step has the factor 1 in place of 3/2, and its velocity lags by half a period. The added 1/2
-    removes this lag (Seeber). A motion with a constant disturbance is then estimated exactly.
+    With the measured position q', an implicit Euler step has `r = q' - q_predicted`, `R = |r|/(L h³)` and the unknown
+    y, which gives the remaining position error `σ0 = L h³ y³ sgn(r)`. y solves `y³ + λ0 y² + λ1 y + λ2 s = R`, where
+    `s = min(R/λ2, 1)` is selected from the set-valued sign. Then `q = q' - σ0`, `ŵ⁺ = ŵ + L h λ2 s sgn(r)`, and
+    `q̇ = q̇_predicted + L h² (λ1 y + 3/2 λ2 s) sgn(r)`. While `R <= λ2`, y is 0, and the estimation error vanishes
+    within three samples without chattering. The Euler step has the factor 1 in place of 3/2, and its velocity lags by
+    half a period. The added 1/2 removes this lag (Seeber): a motion with a constant disturbance is estimated exactly.
 
     Source: Levant, Higher-order sliding modes, differentiation and output-feedback control, 2003; implicit in time:
     Acary, Brogliato, Orlov, 2012, and Mojallizadeh, Brogliato, Acary, 2021; without bias: Seeber, Proper implicit

@@ -157,7 +157,7 @@ class SurfaceMemory(eqx.Module):
 class ReachingStep(eqx.Module):
     """Result of a reaching law's implicit step.
 
-    - `s_next`: the sliding variable s⁺ at the end of the horizon [n], rad/s or m/s.
+    - `s_next`: the sliding variable s⁺ at the end of the plan's horizon [n], rad/s or m/s.
     - `memory`: memory of the reaching law, for the next sample.
     - `cover`: largest norm of the disturbance torque that the law compensates, N m; None without a bound.
     - `signals`: inner quantities by name.
@@ -172,10 +172,10 @@ class ReachingStep(eqx.Module):
 class AbstractSurfaceStep(AbstractStep):
     """A law with a surface as one implicit Euler step over the horizon H, in every period h.
 
-    The led error y has the radius `ρ_y = ρ + c ρ̇` now, and `ρ_a = ρ_y + H ρ̇_y` one horizon later:
+    The led error `y = e + c ė` has the radius `ρ_y = ρ + c ρ̇` now, and `ρ_a = ρ_y + H ρ̇_y` one horizon later:
 
     1. s⁺ by the reaching law, implicitly;
-    2. `ρ_y ψ(ε) + H φ(ε) = y + H s⁺`: one ε for each joint;
+    2. `ρ_y ψ(ε) + H φ(ε) = y + H s⁺`: one transformed error ε for each joint, with the surface's function φ;
     3. `v⁺ = (ρ_a ψ(ε) - y)/H`: the velocity error at the end of the horizon;
     4. `q̈ = q̈_r + (v⁺ - ė)/H`, `q̈_r = (q̇_d(t + h) - q̇_d(t))/h`.
 
@@ -349,8 +349,8 @@ class TwistingStep(AbstractSurfaceStep):
     """Implicit step of super-twisting: `s⁺ = s + H (v⁺ - k1 sig^½(s⁺))`, `v⁺ = v - H k2 sgn(s⁺)`.
 
     The sign is set-valued, so that s⁺ stays 0 without chatter: s⁺ is 0 if `|s + H v| <= H² k2`; else `√|s⁺|` solves a
-    quadratic equation. In one period v moves by `-h k2 sat((s + H v)/(H² k2))`; it stops while the limits withhold
-    torque.
+    quadratic equation. In one period the integral v moves by `-h k2 sat((s + H v)/(H² k2))`; it stops while the limits
+    withhold torque. H is the plan's horizon, and `sig^½(s) = √|s| sgn(s)`.
     Source: Brogliato, Polyakov and Efimov, The implicit discretization of the supertwisting sliding-mode control
     algorithm, IEEE Transactions on Automatic Control 65, 2020.
 

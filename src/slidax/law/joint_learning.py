@@ -31,7 +31,7 @@ class Learning(eqx.Module):
 
     - `positions`: the last two measured positions, the newest first [2 n].
     - `tau`: torque of the period before the last measurement [n].
-    - `elapsed`: time since the start or the last lost sample [s]; it stops once the filter has settled.
+    - `elapsed`: time since the start or the last lost sample [s]; it stops once the band-pass has settled.
     - `begun`: True after the first sample.
     - `stages`: states of the band-pass, for torque, acceleration and direction of motion.
     - `information`: `∫φ²`, `∫φ c`, `∫c²` [3 n]: the information matrix of inertia and friction.

@@ -125,11 +125,12 @@ NOISE = 0.02
 def window_noise(inertia_matrix: Any, deviation: Any, samples: int, period: float) -> NDArray[np.float64]:
     """Return the standard deviation of a window's torque [n], N m or N: `NOISE`, or more by the encoders' noise.
 
-    By the kernel's second derivative, white position noise is an acceleration noise of `σ (2π/T)² (4/3) √(h/T)`.
+    By the second derivative of the window's weights, white position noise causes an acceleration noise with the
+    standard deviation `σ (2π/T)² (4/3) √(h/T)`.
 
     - `inertia_matrix`: M of the nominal arm at a working posture [n n].
     - `deviation`: σ, standard deviation of a measured position, one number or [n], rad or m.
-    - `samples`: m, samples between two windows; T = 4 m h.
+    - `samples`: m, samples between two windows; `T = 4 m h` is a window's length.
     - `period`: h [s].
     """
     duration = QUARTERS * samples * period

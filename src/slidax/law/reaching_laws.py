@@ -46,7 +46,7 @@ class AbstractReaching(AbstractPart):
 
     @abstractmethod
     def implicit(self, metric: Matrix, s: Vector, u: Scalar) -> Vector:
-        """Return the s⁺ after an implicit Euler step over H, `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, [n], rad/s or m/s.
+        """Return s⁺ after an implicit step over the horizon H, `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, [n], rad/s or m/s.
 
         - `metric`: A = M0/H, symmetric positive definite [n n].
         - `s`: sliding variable [n], rad/s or m/s.
@@ -215,7 +215,7 @@ def _solve_proximal_step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vecto
 
 
 class FixedTimeReaching(AbstractReaching):
-    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, the paper's eqs. (43), (51); for s0 = 0 the unit vector (44)."""
+    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, the paper's eqs. (43), (51), (44) for s0 = 0; `Sig^r(s) = |s|^r sgn(s)`."""
 
     title = "The reaching law of the paper: a power and a unit vector, discontinuous or smoothed."
 
@@ -278,7 +278,7 @@ class TwoPowerReaching(AbstractReaching):
     """Torque `-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, `v1 > 1 > v2`: fast far from 0, in finite time near it.
 
     The reaching law of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2;
-    confidence medium.
+    confidence medium. `Sig^v(s) = |s|^v sgn(s)`.
     """
 
     title = "The reaching law with two powers, above and below one."

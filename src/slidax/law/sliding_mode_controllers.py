@@ -29,8 +29,8 @@ class SlidingMode(AbstractSurfaceBased):
     """The paper's law `τ = τ0 + τ1 + τ2`, eq. (41), with `e = q - q_d` and the surface `s = B⁻¹ε2 + φ(ε1)`, eq. (40).
 
     `τ0 = M0 (q̈_d - Ȧ e - A ė) + C0 q̇ + G0`, eq. (42);
-    `τ1 = -K0 Sig^r(s) - M0 φ'(ε1) ε2`, eq. (43);
-    `τ2 = -u s/(‖s‖ + s0)`, eqs. (44), (51), with u of (45).
+    `τ1 = -K0 Sig^r(s) - M0 φ'(ε1) ε2`, eq. (43), with `Sig^r(s) = |s|^r sgn(s)`;
+    `τ2 = -u s/(‖s‖ + s0)`, eqs. (44), (51), with u of (45). A and B are those of `TransformedError`.
 
     Signals: `s` [n], `eps1` [n], `eps2` [n], `u`.
     """
@@ -58,7 +58,8 @@ class SlotineLi(AbstractSurfaceBased):
 
     On the linear surface `s = ė + Λ e` it is the textbook law, `q̇_r = q̇_d - Λ e`, `q̈_r = q̈_d - Λ ė`. On any other
     surface, with any transformation, `s = ė + A e + φ(ε1)` as in the paper's eq. (40) and
-    `q̈_r = q̈_d - Ȧ e - A ė - φ'(ε1) ε2`. C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric.
+    `q̈_r = q̈_d - Ȧ e - A ė - φ'(ε1) ε2`. C0 is in Christoffel form, for which `Ṁ0 - 2 C0` is skew-symmetric. In
+    `sat(s/φ)` φ is the half-width of the boundary layer.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 (boundary layer) and 9 (robots).
 
@@ -112,7 +113,7 @@ class SuperTwisting(AbstractSurfaceBased):
 
     With the surface `s = ė + A e + φ(ε1)` of the paper's eq. (40); on the linear one and without an envelope
     `s = ė + Λ e`. With the exact model `ṡ = -k1 sig^½(s) + v + d`, where d is the disturbance as an acceleration, and s
-    reaches zero in finite time if `|ḋ| <= L`, for `k1 = 1.5 √L`, `k2 = 1.1 L`.
+    reaches zero in finite time if `|ḋ| <= L`, for `k1 = 1.5 √L`, `k2 = 1.1 L`. `sig^½(s) = √|s| sgn(s)`.
 
     Source: Levant, Sliding order and sliding accuracy in sliding mode control, 1993, with the gains of his 1998 paper
     on differentiation; stability by the quadratic function of Moreno and Osorio, 2012.
@@ -156,7 +157,7 @@ class NonsingularFastTerminal(AbstractModelBased):
 
     `s = e + sig^Γ1(e) + sig^Γ2(ė)`; `η = ‖M0⁻¹‖ (b0 + b1‖q‖ + b2‖q̇‖²)`;
     `τ = C0 q̇ + G0 + M0 (q̈_d - Γ2⁻¹ (I + Γ1 |e|^(Γ1-1)) sig^(2-Γ2)(ė) - M2 s - (η + M1) s/(‖s‖ + s0))`.
-    Nonsingular since 1 < Γ2 < 2. The matrix norm is the spectral one.
+    Nonsingular since 1 < Γ2 < 2. The matrix norm is the spectral one. `sig^a(x) = |x|^a sgn(x)`.
 
     The paper prints its parameters, not its law; this law comes from public code with the same names and values. Its
     identity with [7] has medium to high confidence. Defaults are those of Table 2, which lists no boundary layer, hence
@@ -207,7 +208,7 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
 
     `s = e + k1 sig^α(e) + k2 sig^β(ė)`;
     `τ = C0 q̇ + G0 + M0 (q̈_d - (1 + k1 α |e|^(α-1)) sig^(2-β)(ė)/(k2 β) - k s - (b̂0 + b̂1‖q‖ + b̂2‖q̇‖² + η) sat(s/φ))`;
-    `b̂0' = λ0 W`, `b̂1' = λ1 W ‖q‖`, `b̂2' = λ2 W ‖q̇‖²`, `W = Σ_i |s_i| |ė_i|^(β-1)`.
+    `b̂0' = λ0 W`, `b̂1' = λ1 W ‖q‖`, `b̂2' = λ2 W ‖q̇‖²`, `W = Σ_i |s_i| |ė_i|^(β-1)`. `sig^a(x) = |x|^a sgn(x)`.
 
     The paper prints its parameters, not its law; this structure comes from a re-implementation of a follow-up paper.
     The place of k = 250 has low confidence: with it joint 3 of Example 4.2 starts at 215 N, where the paper prints

@@ -55,7 +55,7 @@ class SlidingVariable(eqx.Module):
     """`s = ė + A e + φ(ε1)`, the paper's eq. (40), and the acceleration that keeps s constant. All [n].
 
     - `s`: sliding variable, rad/s or m/s.
-    - `error`: the transformed error.
+    - `error`: the transformed error ε1, with its rate ε2 and A.
     - `feedforward`: `q̈_d - Ȧ e - A ė`, the acceleration of the reference and the envelope, rad/s² or m/s².
     - `phi_rate`: `φ'(ε1) ε2`, the rate of φ, rad/s² or m/s².
     """
@@ -104,7 +104,7 @@ def sliding_variable(
 
 
 class Linear(AbstractSurface):
-    """`φ = Λ e`: on the surface `ė + Λ e = 0` the error decays as `exp(-Λ t)`.
+    """`φ = Λ e` with `ε1 = e`: on the surface `ė + Λ e = 0` the error decays as `exp(-Λ t)`.
 
     Source: Slotine and Li, Applied Nonlinear Control, 1991, chapter 7.
     """
@@ -131,7 +131,7 @@ class LinearCoreFixedTime(AbstractSurface):
     """`φ = K1 Ŝ^p(ε1) + K2 Sig^q(ε1)` with the paper's `ŝ^p` (78): `sig^p(x)` for `|x| >= δ`, else `δ^(p-1) x`.
 
     The surface of the schemes that the paper cites as [23] and [33], as the paper describes them at (78), (79). It is
-    continuous, but its slope jumps at δ, so that the torque jumps, too.
+    continuous, but its slope jumps at δ, so that the torque jumps, too. `sig^p(x) = |x|^p sgn(x)`.
     """
 
     title = "An earlier fixed-time terminal surface, with a kink at the edge of its linear core."
@@ -165,7 +165,7 @@ class SingularityFree(AbstractSurface):
 
     `l1 = (r-α)/(r-1) δ^(α-1)` and `l2 = (α-1)/(r-1) δ^(α-r)` make it continuously differentiable at δ.
     The surface of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2; confidence
-    medium.
+    medium. `sig^α(x) = |x|^α sgn(x)`, and e is the transformed error of a law without an envelope.
     """
 
     title = "The surface of the singularity-free fixed-time scheme."
@@ -189,7 +189,7 @@ class SingularityFree(AbstractSurface):
 
 
 class SmoothFixedTime(AbstractSurface):
-    """`φ = K1 S^p(ε1) + K2 S^q(ε1)`, the paper's eqs. (29)-(40)."""
+    """`φ = K1 S^p(ε1) + K2 S^q(ε1)`, the paper's (29)-(40): `S^q = |ε1|^q sgn(ε1)`, and S^p is smooth in `|ε1| < δ`."""
 
     title = "The paper's smooth fixed-time terminal surface."
 
@@ -204,7 +204,7 @@ class SmoothFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return φ and its derivative `K1 F^p(ε1) + K2 H^q(ε1)` by the paper's eqs. (33), (35), (37), (39) [n]."""
+        """Return φ and its slope `K1 F^p(ε1) + K2 H^q(ε1)` [n]: F^p of S^p, H^q of S^q, the paper's (33)-(39)."""
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope

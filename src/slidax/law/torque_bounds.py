@@ -60,7 +60,7 @@ class UncertaintyBound(AbstractBound):
     """`u = (k + b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, `γ = (m2 - m1)/(m2 + m1)`, the paper's eqs. (45), (46).
 
     It covers a lumped uncertainty bounded by `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19). An arm's inverse inertia is
-    known to be `m1 <= ‖M⁻¹(q)‖ <= m2`, eq. (47).
+    known to be `m1 <= ‖M⁻¹(q)‖ <= m2`, eq. (47). τ0 + τ1 is the law's torque without the robust torque.
     """
 
     title = "Robust torque that covers the lumped uncertainty."

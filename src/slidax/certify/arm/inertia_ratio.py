@@ -125,9 +125,10 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
 
 
 def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) -> float:
-    """Return the largest eigenvalue modulus of the coupled loops, `ë = K a` with the commands a of all joints.
+    """Return the largest eigenvalue modulus of the coupled loops, `ë = K a` with the commanded accelerations a.
 
-    - `loops`: loops with the same horizon. `matrix`: K [n n]. `delay`: the true total delay [periods].
+    - `loops`: the loop of each joint, all of one law: with the same period, horizon H and believed delay.
+    - `matrix`: `K = M⁻¹ M̂` [n n], with the law's inertia M̂. `delay`: true delay, measurement to torque [periods].
     """
     n = len(loops)
     still, moved = ([loop.maps(kappa, delay).step for loop in loops] for kappa in (0.0, 1.0))
@@ -140,7 +141,7 @@ def coupled_radius(loops: Sequence[LinearLoop], matrix: Floats, delay: float) ->
 
 
 def learned_ratios(scenario: Scenario) -> Floats:
-    """Return `K = M⁻¹ M̂` at I instants of the motion, with M̂ the inertia that the law learns [I n n].
+    """Return `K = M⁻¹ M̂` at I instants of the motion, with the true inertia M and M̂ that the law learns [I n n].
 
     The model for the scenario's own arm is learned in a simulated run. The models for members at corners of the set are
     those of `learned_model`.

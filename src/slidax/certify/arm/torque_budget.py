@@ -63,12 +63,12 @@ class ApproachRuns:
 
     @property
     def peak(self) -> Floats:
-        """Largest |τ| of each joint [n]."""
+        """Largest |τ| of each joint in all runs [n], N m or N."""
         return np.nanmax(np.abs(self.tau), axis=(0, 1))
 
     @property
     def step(self) -> Floats:
-        """Largest |τ(k+1) - τ(k)| of each joint [n]."""
+        """Largest |τ(k+1) - τ(k)| of each joint from one period to the next [n], N m or N."""
         return np.nanmax(np.abs(np.diff(self.tau, axis=1)), axis=(0, 1))
 
     def after(self, time: float) -> ApproachRuns:
@@ -222,8 +222,8 @@ def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: 
     It is `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members. M_ii is the largest value of M0 and of the
     members at corners of the set.
 
-    - `limit`: limits of the torques [n].
-    - `torque`: largest |τ| along the motion over the set [n].
+    - `limit`: limits of the torques [n], N m or N.
+    - `torque`: largest |τ| along the motion over the set [n], N m or N.
     """
     motion = StateSequence.of(scenario)
     belief = NominalModel.of(scenario, members.plant)

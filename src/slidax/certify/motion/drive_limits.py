@@ -46,7 +46,7 @@ class DriveBounds:
     """Bounds in each cell [cells n], N m or N.
 
     - `torque`: commanded torque; `step`: change of the commanded torque from one period to the next.
-    - `planned_torque`, `planned_step`: the same for the planned motion alone.
+    - `planned_torque`, `planned_step`: the torque of the planned motion alone, and its change in a period.
     - `step_terms`: shares of `step` by name; their sum is at least `step`.
     """
 
@@ -208,7 +208,7 @@ class Torques:
         return place + h * off, speed + off, norm
 
     def turning(self) -> Floats:
-        """Return a bound of the change of `M0 s` in a period that is due to the change of M0 [cells n]."""
+        """Return a bound of the feedback torque's change in a period that is due to M0's change [cells n]."""
         turned = self.cell.weight * np.sum(self.at.per_command * self.moves[0], axis=1)[:, None]
         change = self.problem.path.cells.period * self.at.change_torques + turned
         return change * self.bounds.norms["command"][:, None]
@@ -216,9 +216,9 @@ class Torques:
     def state_step(self) -> Floats:
         """Return a bound of the change, in a period, of the model's torque less its torque on the plan [cells n].
 
-        The part due to s is left out. Two changes add up: of the state at which the model is evaluated, and of the
-        torque's derivatives `2 C` by velocity and P by position. The change of `2 C` is its rate along the motion at
-        the cell's centre, plus a remainder. The change of P is bounded by columns.
+        The part due to the feedback acceleration is left out. Two changes add up: of the state at which the model is
+        evaluated, and of the torque's derivatives `2 C` by velocity and P by position. The change of `2 C` is its rate
+        along the motion at the cell's centre, plus a remainder. The change of P is bounded by columns.
         """
         outputs, norms, cell, at = self.bounds.outputs, self.bounds.norms, self.cell, self.at
         path, tube, cells, sums, vectors = cell.path, cell.tube, cell.path.cells, cell.sums, cell.vectors

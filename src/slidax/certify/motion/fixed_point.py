@@ -116,8 +116,8 @@ class Bounds:
     - `error`, `velocity`: bounds of |e| and |ė| [cells n].
     - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric of M0 [cells].
     - `shares`: function that computes `terms`.
-    - `disturbance`: bound of the parts of w of any form [cells n], and `disturbance_norm`: of their norm [cells]. Two
-      parts have a rate and are left out: the inertial band along the motion, a disturbance torque of bounded rate.
+    - `disturbance`: bound of the disturbance's parts of any form [cells n]; `disturbance_norm`: of their norm [cells].
+      Two parts have a rate and are left out: the inertial band along the motion, a disturbance torque of bounded rate.
     - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
 
@@ -172,7 +172,7 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return the kernels for the outputs in `USED` as arrays; cached. `weighted` has those of κ = 1 with weights."""
+    """Return kernels of `spreads_of` as arrays, for the outputs `USED`; cached. `weighted`: of κ = 1, weighted."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -391,7 +391,7 @@ class Problem:
     def fed_back(self, acceleration: Floats, band: Floats) -> Floats:
         """Return a bound of |M0⁻¹ E ë| per joint [cells n]: the smaller of those in the metric and by element.
 
-        - `acceleration`: bound of |ë - ρ| per joint [cells n]; ρ as in the module's docstring.
+        - `acceleration`: bound of |ë - ρ| per joint [cells n]; ρ and E as in the module's docstring.
         - `band`: bound of ‖M0⁻¹ E ë‖ [cells].
         """
         in_metric = self.at.conversion * band[:, None]
@@ -495,5 +495,5 @@ def _or_next(values: Floats) -> Floats:
 
 
 def memory(loop: JointLoop) -> float:
-    """Return the time after which a disturbance has a negligible effect on the error, for κ = 1 [s] (`remembered`)."""
+    """Return the time after which a disturbance hardly affects the nominal loop's error [s] (`remembered`)."""
     return remembered(spreads_of(loop, 0.0, 0.0)["error"].nominal) * loop.period

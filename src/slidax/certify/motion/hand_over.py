@@ -49,7 +49,7 @@ class HandOver:
     """The plan of a law with a sliding surface, while the sliding variable s⁺ is 0.
 
     - `step`: step of the law; `period`: h [s]; `horizon`: H [s].
-    - `share`: θ0 of the goal; 0 with an envelope.
+    - `share`: θ0, the share of a small led error that is left at the plan's end; 0 with an envelope.
     - `psi`, `phi`: tables of ψ(ε) on the wide and on the narrow side of the envelope [2 n M], and of φ(ε) [n M]. Both
       are for M transformed errors ε >= 0, of which the first is 0.
     """
@@ -123,7 +123,8 @@ class HandOver:
     def frames(self, n: int) -> tuple[Floats, Floats, Floats]:
         """Return N, A and ϑ ρ, each [times n], at each sample until the envelope has its final width.
 
-        ϑ ρ is the width of the envelope's narrow side, inf without an envelope.
+        N and A are the radii of the led error's envelope, now and at the plan's end; 1 without an envelope. ϑ ρ is the
+        width of the narrow side of the error's envelope; inf without an envelope.
 
         - `n`: number of joints.
         """
@@ -147,7 +148,8 @@ class HandOver:
         It is the largest over cells and joints. For the super-twisting law it is the share of the integral gain. Below
         1, s⁺ is exactly 0.
 
-        - `torque`: bounds of |M0 s|/H [cells n], N m or N. `sliding`: bounds of |s| [cells n], rad/s or m/s.
+        - `torque`: bounds of |M0 s|/H [cells n], N m or N, with the nominal inertia M0 and the plan's horizon H.
+        - `sliding`: bounds of the sliding variable |s| [cells n], rad/s or m/s.
         """
         if not isinstance(self.step, SlidingStep):
             # With s⁺ = 0 the integral v is at most |s|/H.
@@ -183,7 +185,8 @@ FAR = 1e4
 class HandOverCells:
     """The plan in each time cell of a motion.
 
-    - `plan`: the law's plan. `now`, `ahead`: the least N and the largest A [cells n], rad or m; 1 without an envelope.
+    - `plan`: the law's plan.
+    - `now`, `ahead`: the least N and the largest A, as in `HandOver.frames` [cells n], rad or m; 1 without an envelope.
     - `room`: the least width ϑ ρ of the envelope's narrow side [cells n]; inf without an envelope.
     - `drift`: |N - A|/(H N) at the first sample [n], 1/s.
     """
@@ -224,7 +227,7 @@ class HandOverCells:
 
     @property
     def apart(self) -> list[tuple[Floats, Floats]]:
-        """Table of the goal without an envelope: for each joint, values of y and bounds of `|ψ(ε) - θ0 y|/H²`.
+        """Table of the goal without an envelope: for each joint, led errors y and bounds of `|ψ(ε) - θ0 y|/H²`.
 
         Each bound holds up to the next y.
         """

@@ -158,8 +158,8 @@ class JointLoop:
     ) -> JointLoop:
         """Return the loop with a horizon [s] and the steady Kalman filter of a random-walk disturbance.
 
-        - `density`: spectral density of the acceleration's rate, (rad/s³)² s.
-        - `resolution`: r of the encoders [rad]; the filter's variance is r²/12.
+        - `density`: spectral density of the rate of the disturbance, an acceleration, (rad/s³)² s.
+        - `resolution`: r of the encoders [rad]; the filter assumes measurement noise with the variance r²/12.
         """
         first, second, third = np.asarray(steady_gains(density, resolution**2 / 12.0, period)).tolist()
         return cls.with_horizon(period, horizon, (first, second, third), delay)
@@ -175,7 +175,7 @@ class JointLoop:
         return self.maps_for(1.0)
 
     def maps_for(self, ratio: float) -> PeriodMaps:
-        """Return one period of the loop as linear maps, for a joint with `ë = κ (s + w)`.
+        """Return one period of the loop as linear maps, for `ë = κ (s + w)` with the feedback s and the disturbance w.
 
         - `ratio`: κ, the nominal inertia over the true inertia.
         """

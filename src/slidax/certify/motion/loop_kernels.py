@@ -36,15 +36,15 @@ LONGEST = 2**15
 class LoopKernel:
     """Kernels of an output for each kind of input, in SI units: [L] for L lags, or [L outputs] for several outputs.
 
-    - `any_form`: an acceleration w of size 1, of any form within and between periods.
+    - `any_form`: a disturbance acceleration w of size 1, of any form within and between periods.
     - `ramp`: a continuous w with a rate of size 1.
     - `beyond`: factor on the size of w, whose product is to be added to the response to a ramp: w's effect within the
       period itself.
     - `step`: a w that is 1 from some time on.
     - `pulse`: a position pulse of size 1 in each period.
     - `noise`: a measurement error of size 1 at each sample.
-    - `start_error`: an initial e of size 1, which the filter knows; `start_speed`: an initial v of size 1, which the
-      filter does not know.
+    - `start_error`: an initial e of size 1, which the law's Kalman filter knows; `start_speed`: an initial `v = ė` of
+      size 1, which the filter does not know.
     - `start_miss`: an error of size 1 in the filter's first position.
     - `goal`: an acceleration of size 1 that the law itself adds to its command; its lag counts from when it acts.
     """
@@ -62,7 +62,7 @@ class LoopKernel:
 
     @property
     def gain(self) -> float:
-        """l1 norm of the response to a w of any form."""
+        """l1 norm of the response to a disturbance w of any form."""
         return float(np.sum(self.any_form))
 
     def by_output(self) -> dict[str, LoopKernel]:

@@ -62,7 +62,8 @@ class ParameterRegion:
 class BodyBand:
     """Band of inertial parameters around the nominal arm.
 
-    - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the pseudo-inertia of every link, payload included.
+    - `bodies`: p with `(1 - p) J0 <= J <= (1 + p) J0` for the true and the nominal pseudo-inertia J and J0 of every
+      link, payload included.
     - `rotors`: p of the rotors' inertias, in the same inequalities.
 
     Raises DefinitionError unless both are in [0, 1).

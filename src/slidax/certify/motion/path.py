@@ -66,7 +66,7 @@ class Path:
 
     @cached_property
     def change(self) -> Floats:
-        """Norm of `M0⁻¹ Ṁ0` in the metric of M0, `‖x‖² = xᵀ M0 x`, along the motion [cells], 1/s."""
+        """Norm of `M0⁻¹ Ṁ0` in the metric of M0, `‖x‖² = xᵀ M0 x`, at the centres [cells], 1/s."""
         return spectral_norm(self.root.swapaxes(1, 2) @ self.rate @ self.root)
 
     @cached_property
@@ -84,7 +84,7 @@ class Path:
     def torques(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Largest `(A x)_i` over all x with `xᵀ M0 x = 1`, for the matrices A = 2 C, the rate of 2 C, Ṁ0 and M̈0.
 
-        Each is [cells n].
+        Each is for the centres [cells n].
         """
         y, y1, y2 = self.points.columns
         turn = 2.0 * (gram(y1, y1) + gram(y, y2))
@@ -122,5 +122,5 @@ class Path:
 
     @cached_property
     def region_norms(self) -> RegionNorms:
-        """Suprema over all arms of the parameter region, at the centres."""
+        """Upper bounds over all arms of the parameter region, at the centres."""
         return RegionNorms.of(self)

@@ -224,7 +224,8 @@ FINE = 1e-3
 class Pieces(AbstractPieces):
     """A piecewise polynomial motion, at rest outside its knots.
 
-    - `knots`: [k+1], s; `coefficients`: highest power first, [powers k n].
+    - `knots`: times at which the k pieces begin and end [k+1], s.
+    - `coefficients`: of each piece's polynomial in the time since the piece began, highest power first [powers k n].
     """
 
     knots: Floats

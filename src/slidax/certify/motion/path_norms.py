@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 class PointNorms:
     """Norms of derivatives of points X at the centres, with norms of joint vectors in the metric of M0 there.
 
-    Y is the Jacobian ∂X/∂q, and ∂_j the derivative by q_j.
+    Y is the Jacobian ∂X/∂q, and ∂_j the derivative by q_j. M0 is the nominal inertia matrix.
 
     - `size`, `first`, `second`: norms of Y, Ẏ and Ÿ [cells].
     - `coriolis`, `coriolis_rate`: norms of `2 YᵀẎ` and of its rate [cells].

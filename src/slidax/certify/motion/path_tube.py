@@ -59,18 +59,19 @@ class PointCell:
     """Bounds of derivatives of points X over each cell and the tube around it.
 
     `Y = ∂X/∂q` is the Jacobian of the points. Norms are in the metric of M0 at the cell's centre, one value per cell.
+    The model's state is the position and velocity at which the law evaluates its model. M0 is the nominal inertia.
 
     - `half`: half the length of a cell plus half a period, since the law evaluates its model up to half a period before
       or after the cell.
     - `size`, `whole`: norm of Y at the centre, and its bound over cell and tube.
-    - `first`, `second`, `third`: norms of Y's time derivatives along the motion.
-    - `drift`, `along`: norm of the change of Y by the tube, and over cell and tube together.
+    - `first`, `second`, `third`: bounds of the norms of Y's time derivatives over the cell, on the motion.
+    - `drift`, `along`: bounds of the norm of the change of Y by the tube, and over cell and tube together.
 
     `Cell` sets these fields. The actual metric is that of M0 at the arm's position:
 
     - `grown`: bound of the ratio of a vector's norm at the centre to its norm in the actual metric, or the reverse.
-    - `jump`, `jerk`: norms of the acceleration's jumps and of the jerk in the actual metric; `reach`: norm of Y in the
-      actual metric.
+    - `jump`, `jerk`, `reach`: bounds of the norms of the acceleration's jumps, of the jerk and of Y in the actual
+      metric.
     """
 
     grown: Floats
@@ -106,12 +107,12 @@ class PointCell:
 
     @cached_property
     def moved(self) -> Floats:
-        """Norm of the change of Ẏ by the position's tube [cells]."""
+        """Bound of the norm of the change of Ẏ by the position's deviation, at the motion's velocity [cells]."""
         return self.sums(self.tube.position, self.speed)
 
     @cached_property
     def slopes(self) -> tuple[Floats, Floats]:
-        """Norms of `Ẏ_v = Σ_j v_j ∂_j Y` for velocity deviations v of the arm, and of the model state, each [cells]."""
+        """Bounds of ‖Σ_j v_j ∂_j Y‖ for velocity deviations v in the tube: of the arm, of the model's state [cells]."""
         tube = self.tube
         return self.slope(tube.speed, tube.speed_norm), self.slope(tube.model_speed, tube.model_norm)
 
@@ -133,17 +134,17 @@ class PointCell:
 
     @cached_property
     def jerked(self) -> Floats:
-        """Norm of X⃛ on the motion [cells]."""
+        """Bound of the norm of X⃛ on the motion [cells]."""
         return self.bend + self.reach * self.jerk
 
     @cached_property
     def force(self) -> Floats:
-        """Norm of `Ẍ - g` on the motion [cells]."""
+        """Bound of the norm of `Ẍ - g` on the motion [cells]."""
         return np.linalg.norm(self.at.force, axis=1) + self.half * self.jerked + self.reach * self.jump
 
     @cached_property
     def forces(self) -> tuple[Floats, Floats]:
-        """Norms of the change of `Ẍ - g` by the tube, for the arm and for the model's state, each [cells]."""
+        """Bounds of the norm of the change of `Ẍ - g` by the tube, for the arm and the model's state, each [cells]."""
         tube, place = self.tube, self.tube.position
         results = []
         for wide, slope, norm in zip(self.wide, self.slopes, (tube.speed_norm, tube.model_norm), strict=True):
@@ -153,13 +154,13 @@ class PointCell:
 
     @cached_property
     def turned(self) -> Floats:
-        """Norms of the changes of `∂_j Y` over cell and tube [cells n]."""
+        """Bounds of the norms of the changes of `∂_j Y` over cell and tube, for each joint j [cells n]."""
         gone = self.half * self.speed + self.tube.position
         return self.sums_each(gone)
 
     @cached_property
     def coriolis_moved(self) -> Floats:
-        """Norm of the change of `2 YᵀẎ` over the cell, on the motion [cells]."""
+        """Bound of the norm of the change of `2 YᵀẎ` over the cell, on the motion [cells]."""
         half, whole = self.half, self.whole
         return half * (
             self.at.coriolis_rate
@@ -287,16 +288,16 @@ class Cell(PointCell):
             points.jerk = size_in(path.cells.jerk, self.inertia)
 
     def torques(self, rows: Floats, shift: Floats) -> Floats:
-        """Return the largest `|A x|_i` over all x of norm 1, for a matrix A that changes over cell and tube [cells n].
+        """Return a bound of `|A x|_i` over all x of norm 1, for a matrix A that changes over cell and tube [cells n].
 
         - `rows`: the largest `|A x|_i` at the centres, plus A's change to first order [cells n].
-        - `shift`: norm of A's further change [cells].
+        - `shift`: bound of the norm of A's further change [cells].
         """
         return np.asarray((rows + self.diagonal * shift[:, None]) * self.grown[:, None])
 
     @cached_property
     def coriolis_shift(self) -> Floats:
-        """Norm of the change of `2 C(q, v)` over cell and tube [cells].
+        """Bound of the norm of the change of `2 C(q, v)` over cell and tube [cells].
 
         v is the mean of two velocities: the arm's, and the velocity at which the model is evaluated.
         """
@@ -305,7 +306,7 @@ class Cell(PointCell):
 
     @cached_property
     def stiffness_shift(self) -> Floats:
-        """`stiffness_change` for the model's state: norms of the changes of P's columns [cells n]."""
+        """`stiffness_change` for the model's state: bounds of the changes of the columns of P, in norm [cells n]."""
         return self.stiffness_change(True)
 
 

@@ -1,4 +1,4 @@
-"""Suprema over a parameter region at the centres of a motion's cells.
+"""Bounds over a parameter region at the centres of a motion's cells.
 
 M0 and n0 are the nominal inertia matrix and Coriolis torque with gravity; `E = M - M0` and `Δn = n - n0` are the
 errors. The torque error `T = E q̈ + Δn` is linear in the error of the parameters. The smaller of two bounds is used, for
@@ -33,7 +33,7 @@ CHUNK = 32
 
 @dataclass(frozen=True, eq=False)
 class RegionNorms:
-    """Suprema over all arms of a parameter region, at the centres of cells; norms are in the metric of M0 there.
+    """Upper bounds over all arms of a parameter region, at the centres of cells; norms are in the metric of M0 there.
 
     The symbols are those of the module's docstring; T is taken along the motion.
 
@@ -61,7 +61,7 @@ class RegionNorms:
 
     @classmethod
     def of(cls, path: Path) -> RegionNorms:
-        """Compute the suprema at the centres of a path's cells."""
+        """Compute the bounds at the centres of a path's cells."""
         cover = cls._over_cover(path)
         if not path.region.has_ellipsoid:
             return cover
@@ -99,7 +99,7 @@ class RegionNorms:
 
 
 def over_ellipsoid(path: Path) -> dict[str, Floats]:
-    """Return the suprema over the ellipsoid of the path's region, by field name of `RegionNorms`."""
+    """Return the bounds over the ellipsoid of the path's region, by field name of `RegionNorms`."""
     # All cells at rest after the motion have the same suprema.
     cells, count = path.cells, path.cells.moving + 1
     parts = [_over_ellipsoid(path, slice(start, min(start + CHUNK, count))) for start in range(0, count, CHUNK)]

@@ -107,7 +107,7 @@ class PrintedLaw:
 
     @property
     def gain(self) -> tuple[Floats, float] | None:
-        """K0 [n n] and r of the reaching law's term `K0 Sig^r(s)`; None for a reaching law of another form."""
+        """K0 [n n] and r of the reaching law's term `K0 |s|^r sgn(s)`; None for a reaching law of another form."""
         reaching, n = self.law.reaching, self.joints
         if isinstance(reaching, FixedTimeReaching):
             gain, exponent = reaching.gain, float(reaching.exponent)
@@ -192,7 +192,7 @@ class PrintedLaw:
         return BatchedFunction(lambda eps: psi(eps, sides))
 
     def nominal_variation(self) -> float:
-        """Return the largest difference of M0 between random postures, relative to its size."""
+        """Return the largest change of M0 from one random posture to 63 others, relative to its largest entry there."""
         masses = masses_at(self.law.nominal, np.random.default_rng(0).uniform(-3, 3, (64, self.joints)))
         return float(np.max(np.abs(masses - masses[0])) / np.max(np.abs(masses[0])))
 

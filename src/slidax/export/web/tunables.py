@@ -119,9 +119,9 @@ class Tunable:
 
 
 def tunables_of(description: ScenarioDescription, joints: int) -> list[Tunable]:
-    """Return the values that may get a slider, sorted by group, within a group in the order of the scenario.
+    """Return the candidates for a slider, sorted by group, within a group in the order of the scenario.
 
-    A value may still be one on which the compiled code depends. It then cannot have a slider.
+    `PageSetting.build` leaves out candidates on which the compiled code depends: they get no slider.
 
     - `description`: the scenario; it contains the robot's description itself, and not the name of its file.
     - `joints`: number of joints.

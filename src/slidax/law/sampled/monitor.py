@@ -56,9 +56,9 @@ def used_share(y: Vector, share: PerJoint, envelope: Envelope) -> Array:
 class Monitor(AbstractPart):
     """Warn before the error leaves its envelope: the led error y reaches its bound about one horizon earlier.
 
-    In one period a plan moves y by the share `r = h/H` towards a value inside the envelope. Unplanned motion adds to
-    this. y is therefore the sum of a part that stays inside for any plan, and a part x that comes only from unplanned
-    motion (docs/sampled-data.md):
+    In one period a plan over the horizon H moves `y = e + c ė` by the share `r = h/H` towards a value inside the
+    envelope. Unplanned motion adds to this. y is therefore the sum of a part that stays inside for any plan, and a part
+    x that comes only from unplanned motion (docs/sampled-data.md):
 
         x⁺ = (1 - r) x + (q - q_planned) + c (q̇ - q̇_planned),
 
