@@ -1,9 +1,11 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from slidax.law.least_squares import (
     KINDS,
+    NOISE,
     QUARTERS,
     Window,
     diagonal_covariance,
@@ -12,6 +14,7 @@ from slidax.law.least_squares import (
     next_windows,
     places,
     quadratic_form,
+    window_noise,
     window_sums,
     with_drift,
 )
@@ -80,3 +83,25 @@ def test_variances_stay_below_their_bound_and_the_matrix_positive_definite():
     matrix = full(covariance, 3)
     assert np.all(np.diagonal(matrix) <= np.array([1.0, 2.0, 3.0]) * (1 + 1e-12))
     assert np.linalg.eigvalsh(matrix).min() > 0.01
+
+
+@pytest.mark.parametrize(("samples", "period"), [(10, 1e-3), (5, 2e-3), (3, 4e-3)])
+def test_noise_of_a_window_grows_with_the_inertia_and_with_the_encoders_noise(samples, period):
+    deviation, inertias = np.array([1e-5, 4e-5]), np.array([50.0, 20.0])
+    expected = window_noise(np.diag(inertias), deviation, samples, period)
+    rng, nothing = np.random.default_rng(0), jnp.zeros(400)
+
+    @jax.jit
+    def sampled(sums, slot, q):
+        return window_sums(sums, slot, samples, jnp.asarray(period), q, nothing, nothing, nothing)
+
+    for joint in range(2):
+        sums = jnp.zeros((QUARTERS, KINDS, 400))
+        for quarter in range(QUARTERS):
+            for slot in range(samples):
+                sums = sampled(sums, jnp.asarray(float(slot)), jnp.asarray(deviation[joint] * rng.standard_normal(400)))
+            sums = sums if quarter == QUARTERS - 1 else next_windows(sums)
+        torque = inertias[joint] * np.asarray(Window.of(sums).ddq)
+        np.testing.assert_allclose(np.std(torque), expected[joint], rtol=0.15)
+    light = window_noise(np.diag([0.01, 50.0]), 1e-5, samples, period)
+    assert light[0] == NOISE and light[1] == expected[0]

@@ -233,12 +233,13 @@ class ArmLearning(AbstractAdaptation):
     def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
         """The memory of each joint's own learning after a sample.
 
-        While the arm's model is in full use, it has that model's rotors and friction, from which the joints' learning
-        continues when the arm changes. It has the rotors alone, since with the inertia of payload and links on the
-        diagonal, but without their couplings, the feedback would be too strong.
+        While the arm's model is in full use, they are set from it, and continue from there when the arm changes. The
+        inertia added to a joint is its learnt rotor, or more, so that with the nominal links it has at least its
+        coupled inertia. More, without the couplings, would make the feedback too strong, and less too weak.
         """
         joints, arm = self.joints(x, memory.joints), self.parameters(memory.estimates.used)
-        rotor = jnp.clip(self.counted + arm.rotor, self.joints.rotor_min, self.joints.rotor_max)
+        rotor = jnp.maximum(arm.rotor, memory.filter_inertia - jnp.diagonal(x.mass))
+        rotor = jnp.clip(self.counted + rotor, self.joints.rotor_min, self.joints.rotor_max)
         coulomb = jnp.clip(arm.coulomb, 0.0, self.joints.coulomb_max)
         full = (memory.trust.share >= 1.0) & (memory.trust.loud <= 0.0)
         both = jnp.where(full, rotor, joints.rotor), jnp.where(full, coulomb, joints.coulomb)
