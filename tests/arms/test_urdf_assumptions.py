@@ -119,11 +119,11 @@ def test_undeclared_parent_link_becomes_the_base_with_a_warning():
     np.testing.assert_array_equal(arm.inertias, from_urdf(GOOD).inertias)
 
 
+@pytest.mark.parametrize("length", [1.0, 2.0])
 @pytest.mark.parametrize("angles", [(0.3, -1.2, 2.5), (0.0, np.pi / 2, 0.0)], ids=["any", "straight up"])
-def test_quaternion_in_an_origin_equals_the_same_roll_pitch_yaw_angles(angles):
-    words, quaternion = (
-        " ".join(repr(float(x)) for x in row) for row in (angles, Rotation.from_euler("xyz", angles).as_quat())
-    )
+def test_quaternion_of_any_length_in_an_origin_equals_the_same_roll_pitch_yaw_angles(angles, length):
+    rotation = length * Rotation.from_euler("xyz", angles).as_quat()
+    words, quaternion = (" ".join(repr(float(x)) for x in row) for row in (angles, rotation))
     expected = from_urdf(changed(GOOD, ORIGIN, f'<origin xyz="0.4 0 0" rpy="{words}"/>'))
     turned = from_urdf(changed(GOOD, ORIGIN, f'<origin xyz="0.4 0 0" quat_xyzw="{quaternion}"/>'))
     np.testing.assert_allclose(turned.rotations, expected.rotations, rtol=0, atol=1e-14)

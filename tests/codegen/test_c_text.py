@@ -115,3 +115,39 @@ def test_generated_lines_have_at_most_100_characters():
         value = b.apply("sin", b.apply("add", b.apply("mul", value, inputs[k % 8]), inputs[(k + 3) % 8]))
     assert max(map(len, text(value))) <= 100
     assert all(len(re.findall(r"[-+*/(]", line)) < 20 for line in text(value))
+
+
+@pytest.mark.parametrize("counted", [True, False], ids=["for", "while"])
+def test_value_that_is_constant_in_a_loop_is_computed_before_it(counted):
+    b = Builder()
+    (x, y), text = named(b, 2)
+    zero, step, n = (b.constant(k, "i32") for k in (0, 1, 7))
+    # Made inside, and used once there: nothing but its operands tells that it is constant.
+    left = b.loop(
+        [zero, x],
+        lambda c: b.apply("lt", c[0], n),
+        lambda c: [b.apply("add", c[0], step), b.apply("add", c[1], b.apply("sin", y))],
+        iterations=n if counted else None,
+    )
+    lines = text(left[1])
+    (computed,) = (k for k, line in enumerate(lines) if "sin(" in line)
+    (loop,) = (k for k, line in enumerate(lines) if line.startswith(("for (", "while (")))
+    assert lines[loop].startswith("for (" if counted else "while (") and computed < loop
+
+
+def test_value_that_only_one_side_of_a_branch_needs_is_computed_there():
+    b = Builder()
+    (x, y), text = named(b, 2)
+    sine, cosine = b.apply("sin", x), b.apply("cos", y)
+    squares = lambda value: [b.apply("mul", value, value), b.apply("neg", value)]  # noqa: E731
+    left = b.branch(b.apply("lt", x, y), lambda: squares(sine), lambda: squares(cosine))
+    lines = text(*left)
+    order = [k for part in ("if (", "sin(", "} else {", "cos(") for k, line in enumerate(lines) if part in line]
+    assert len(order) == 4 and order == sorted(order)
+
+
+def test_a_short_branch_is_a_conditional_expression():
+    b = Builder()
+    (x, y), text = named(b, 2)
+    left = b.branch(b.apply("lt", x, y), lambda: [b.apply("exp", x)], lambda: [b.apply("sin", y)])
+    assert text(*left) == ["y0 = a < b ? exp(a) : sin(b);"]

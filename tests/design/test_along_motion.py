@@ -4,6 +4,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import yaml
 
 from slidax.certify import Verdict
 from slidax.design import read_problem, refusal, search
-from slidax.design.candidates import DesignPoint
+from slidax.design.candidates import DesignPoint, template
 from slidax.design.design import _begin, law_with_bound
 from slidax.design.proof import certified_radii, tracking_verdict
 from tests.cli.commands import in_process
@@ -76,10 +77,12 @@ def test_refusal_lists_changes_of_requirements_that_give_a_bound(tmp_path, monke
     assert "`tracking_bound` gives none: The bound grows." in answer.reason
 
 
+LOAD = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
+
+
 def test_refusal_proposes_the_mean_payload_for_the_nominal_arm(tmp_path, monkeypatch):
-    load = {"mass": 1.0, "center": [0.0, 0.0, 0.1]}
     data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
-    data["robot"] = {"kind": "panda", "plant": {"load": load}}
+    data["robot"] = {"kind": "panda", "plant": {"load": LOAD}}
     data["uncertainty"] = {"robot.plant.load.mass": {"between": [0.8, 1.0]}}
     path = tmp_path / "load.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
@@ -92,8 +95,22 @@ def test_refusal_proposes_the_mean_payload_for_the_nominal_arm(tmp_path, monkeyp
     problem = read_problem(path)
     law, grows = replace(LAW, final=np.full(7, 1e-3)), Verdict("tracking_bound", "", False, None, {}, (), "It grows.")
     known, tested = refusal.proof_refusal(problem, _begin(problem)[0], law, grows).would_do
-    assert known.changes == {"robot.nominal.load": {**load, "mass": 0.9}} and "knows 0.9 kg" in known.words
+    assert known.changes == {"robot.nominal.load": {**LOAD, "mass": 0.9}} and "knows 0.9 kg" in known.words
     assert tested.changes == {"requirements.proof": "tested"}
+
+
+@pytest.mark.parametrize("known", [None, LOAD], ids=["no payload known", "a payload known"])
+def test_a_payload_is_proposed_only_for_a_nominal_arm_without_one(tmp_path, known):
+    data = yaml.safe_load(FILE.read_text(encoding="utf-8"))
+    data["robot"] = {"kind": "panda", "plant": {"load": LOAD}, "nominal": {"load": known}}
+    data["uncertainty"] = {"robot.plant.load.mass": {"between": [0.8, 1.0]}}
+    data["start"] = {"q": data["trajectory"]["waypoints"][0]}
+    path = tmp_path / "load.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    problem = read_problem(path)
+    space: Any = SimpleNamespace(base=problem.scenario(template(0.3)))
+    proposed = [changes for _, changes in refusal._known_payload(problem, space)]
+    assert proposed == ([] if known else [{"robot.nominal.load": {**LOAD, "mass": 0.9}}])
 
 
 @pytest.mark.full

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.certify import Verdict
-from slidax.design import Refusal
+from slidax.design import Refusal, refusal
 from slidax.design.candidates import DesignPoint
 from slidax.design.trials import CALM, Objective
 
@@ -127,3 +127,26 @@ def test_an_envelope_is_widened_until_it_has_a_bound_if_no_accuracy_is_required(
 
 def test_an_envelope_without_a_bound_at_any_width_is_unchanged(certified):
     assert certified(3.0, True) == (0.5, False)
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "certified", "proposed"),
+    [(0.1, 0.13, [{"requirements.accuracy": [0.14, 0.28]}]), (0.1, np.inf, []), ("best", 0.13, [])],
+    ids=["a wider one is certified", "none is certified", "none is required"],
+)
+def test_refusal_of_a_bound_proposes_the_smallest_certified_accuracy(monkeypatch, accuracy, certified, proposed):
+    def verdict_of(law: Any) -> Verdict:
+        return Verdict("tracking_bound", "", bool(law.final[0] >= certified), None, {}, (), "It grows.")
+
+    monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
+    # With exact sensors and a motion that cannot be slowed down there are no other remedies.
+    exact, fixed = SimpleNamespace(resolution=0.0), SimpleNamespace(model_dump=lambda **_: {})
+    described = lambda law: SimpleNamespace(final=law.final, sensor=exact, trajectory=fixed)  # noqa: E731
+    space: Any = SimpleNamespace(initial=np.full(2, 8.0), described=described)
+    problem: Any = SimpleNamespace(requirements=SimpleNamespace(accuracy=accuracy), uncertainty={}, robot=fixed)
+    law = DesignPoint(0.01, 1.0, 1.0, np.array([0.1, 0.2]), 1.0)
+    answer = refusal.proof_refusal(problem, space, law, verdict_of(law))
+    *offered, tested = answer.would_do
+    assert [dict(item.changes) for item in offered] == proposed
+    assert ("accuracy of 0.28" in answer.reason) is bool(proposed)
+    assert tested.changes == {"requirements.proof": "tested"}

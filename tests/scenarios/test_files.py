@@ -128,6 +128,14 @@ def test_numbers_with_an_exponent_are_numbers_in_yaml_1_2():
     assert read_yaml("1e-4") == 1e-4
 
 
+@pytest.mark.parametrize(
+    ("text", "line"), [("]", 1), ("title: one\nrobot: ]\nstart: {}\n", 2)], ids=["first", "second"]
+)
+def test_yaml_that_cannot_be_read_is_refused_with_its_line(text, line):
+    with pytest.raises(DefinitionError, match=f"^not valid YAML at line {line}: "):
+        scenarios.parse(text)
+
+
 URDF = """<robot name="one">
 <link name="base"/>
 <link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>

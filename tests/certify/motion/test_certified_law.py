@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from slidax.arms import AbstractRobot, Joint, assemble
+from slidax.certify.motion.admission import tracking_bound
 from slidax.certify.motion.joint_loop import OUTPUTS, JointLoop
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Reference, State
@@ -225,3 +226,14 @@ def test_law_that_the_certificate_does_not_cover_is_refused_with_a_remedy(name: 
     assert isinstance(law, SampledData)
     with pytest.raises(DefinitionError, match=remedy):
         JointLoop.of(law)
+
+
+@pytest.mark.parametrize(("true", "assumed"), [(1, 0), (1, 2), (0, 1)])
+def test_a_law_that_assumes_another_measurement_delay_than_the_true_one_has_no_bound(true: int, assumed: int) -> None:
+    changes: dict[str, Any] = {"scheme": COVERED["scheme"], "start.q": [0.2, 2.0]}
+    changes |= {f"{SAMPLED}.viscous_feedforward": False, f"{SAMPLED}.delay": assumed, "sensor.delay": true}
+    verdict = tracking_bound(load("example-4.1-1khz", changes))
+    # The loop is bounded with the delay that the law assumes.
+    assert verdict.holds is None and verdict.bound == {}
+    assert f"the measurement delay is {true} periods, but the law assumes {assumed}" in verdict.statement
+    assert "leave out `scheme.sampled_data.delay`" in verdict.statement

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
@@ -210,6 +211,17 @@ def test_a_printed_level_below_all_errors_is_inside_the_axes(run):
 def test_an_inline_svg_refers_to_no_other_file(run):
     page = figures.inline_svg(figures.to_svg(figures.torque(run), "torque"))
     assert page.startswith("<svg ") and page.endswith("</svg>") and "http" not in page
+
+
+def test_drawing_and_saving_a_figure_leaves_the_settings_of_matplotlib_unchanged(tmp_path):
+    before = dict(mpl.rcParams)
+    figures.performance({"rho": FixedTime(1.0, 0.1, 2.0, 2.01)}, np.linspace(0, 3, 50))
+    assert dict(mpl.rcParams) == before
+    # An empty figure is the quickest to write.
+    figures.to_svg(Figure(), "empty")
+    assert dict(mpl.rcParams) == before
+    figures.save(Figure(), tmp_path / "empty.pdf")
+    assert dict(mpl.rcParams) == before
 
 
 def test_figure_is_shown_in_a_notebook_in_its_own_style_and_can_be_copied():

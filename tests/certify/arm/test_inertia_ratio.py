@@ -1,0 +1,45 @@
+"""Loops of joints that move each other: stable only if the coupled loop is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slidax.certify.arm import inertia_ratio
+from tests.soundness.linear_arm import demand, scenario
+
+# Each joint by itself is as with the exact inertia: κ is 1.
+NEAR = np.array([[1.0, 0.1], [0.1, 1.0]])
+# An eigenvalue is -1: along its eigenvector the torque acts in the wrong direction.
+FAR = np.array([[1.0, 2.0], [2.0, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def case():
+    return scenario(np.random.default_rng(0), delay=1, kalman=False, resolution=0.0, samples=20)
+
+
+@pytest.fixture(scope="module")
+def coupled(case):
+    """A demand whose joints are stable by themselves."""
+    return replace(demand(case), coupling=0.1 * (1.0 - np.eye(2)))
+
+
+def test_stability_of_coupled_loops_is_left_open_without_their_matrices(case, coupled):
+    verdict = inertia_ratio(case, coupled)
+    assert verdict.holds is None and verdict.grade is None and np.max(verdict.bound["radius"]) < 1.0
+    assert "the coupled loop was not computed" in verdict.statement and "radius_together" not in verdict.bound
+    # Without coupling the loops of single joints are all there is.
+    assert inertia_ratio(case, demand(case)).holds is True
+
+
+def test_coupled_loops_hold_if_they_are_stable_for_each_matrix(case, coupled):
+    verdict = inertia_ratio(case, replace(coupled, matrices=np.stack([NEAR, np.eye(2)])))
+    assert verdict.holds is True
+    assert np.max(verdict.bound["radius"]) <= verdict.bound["radius_together"] + 1e-9 < 1.0
+
+
+def test_coupled_loops_are_refused_if_one_matrix_makes_them_grow(case, coupled):
+    verdict = inertia_ratio(case, replace(coupled, matrices=np.stack([NEAR, FAR])))
+    assert verdict.holds is False and np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]
+    assert verdict.margin is not None and verdict.margin < 0.0
