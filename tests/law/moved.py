@@ -9,7 +9,7 @@ import numpy as np
 
 from slidax.arms import Articulated, Joint, assemble
 from slidax.core.types import State
-from slidax.law import AbstractAdaptation, Experience
+from slidax.law import AbstractAdaptation, ArmLearning, Experience, JointLearning
 
 PERIOD = 1e-3
 LINKS = np.array([[0.5, 0.08], [0.08, 0.02]])
@@ -93,3 +93,13 @@ def swept(amplitude: float, seconds: float = 2.0) -> np.ndarray:
     first = sum(np.sin(w * t + w) for w in (17.0, 43.0, 97.0))
     second = sum(np.sin(w * t + 2 * w) for w in (23.0, 61.0, 113.0))
     return amplitude * np.stack([8.0 * first, first * 0.0 + second], axis=1)
+
+
+@eqx.filter_jit
+def after_sample(adaptation, experience, memory):
+    """Memory of an adaptation after a sample."""
+    return adaptation(experience, memory)
+
+
+def learner(**changes):
+    return ArmLearning(joints=JointLearning(rotor=0.1, rotor_max=2.0, coulomb_max=3.0), **changes)

@@ -303,15 +303,14 @@ def lost_payload(
 ) -> tuple[Bool[Array, ""], Scalar, Vector]:
     """Return True if a lost share of the payload explains a window, this share, and the remaining innovation [n].
 
-    Each joint counts relative to the noise of its torque.
-
     - `missed`: innovation of the model with the whole payload [n], N m or N.
     - `carried`: torque of the whole payload [n], N m or N.
     - `heard`: True for each joint that moves in a valid window [n].
     - `variance`: variance of a window's torque noise, one number or [n], (N m)² or N².
     """
     own, torque = (jnp.where(heard, each, 0.0) for each in (missed, carried))
-    size = jnp.maximum(jnp.sum(torque * torque / variance), 1.0)
-    share = jnp.clip(-jnp.sum(own * torque / variance) / size, 0.0, 1.0)
+    # Not relative to each joint's noise: after a release the errors of the model are larger than the noise.
+    size = jnp.maximum(jnp.sum(torque * torque), jnp.max(variance))
+    share = jnp.clip(-jnp.sum(own * torque) / size, 0.0, 1.0)
     left = own + share * torque
-    return jnp.sum(left * left / variance) < UNEXPLAINED * jnp.sum(own * own / variance), share, left
+    return jnp.sum(left * left) < UNEXPLAINED * jnp.sum(own * own), share, left
