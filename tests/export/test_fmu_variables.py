@@ -13,6 +13,8 @@ from slidax.scenarios import load
         ("N m s²/rad²", "N.m.s2/rad2", {"kg": 1, "m": 2, "rad": -2}),
         ("1/(kg m²)", "1/(kg.m2)", {"kg": -1, "m": -2}),
         ("(rad/s²)² s or (m/s²)² s", "(rad/s2)2.s", {"rad": 2, "s": -3}),
+        ("N m/A", "N.m/A", {"kg": 1, "m": 2, "s": -2, "A": -1}),
+        ("V s", "V.s", {"kg": 1, "m": 2, "s": -2, "A": -1}),
         ("N m/(rad s) or N/(m s)", "N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
     ],
 )
@@ -24,7 +26,9 @@ def test_declared_units_become_fmu_units_with_their_base_units(declared, name, b
         assert parse_unit(declared, revolute=None) is None
 
 
-@pytest.mark.parametrize("declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)"])
+@pytest.mark.parametrize(
+    "declared", ["", "periods", "1, 1/s or 1/s²", "rad^(1-κ)/s", "rad^½/s^(3/2) or m^½/s^(3/2)", "furlong/s", "2 m"]
+)
 def test_declarations_without_an_si_unit_have_no_fmu_unit(declared):
     assert parse_unit(declared) is None
 

@@ -25,6 +25,12 @@ BASE: dict[str, dict[str, int]] = {
     "s": {"s": 1},
     "rad": {"rad": 1},
     "N": {"kg": 1, "m": 1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "Hz": {"s": -1},
+    "A": {"A": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "K": {"K": 1},
 }
 """Exponents of the SI base units, and of rad, in each unit symbol."""
 
@@ -48,6 +54,8 @@ class Unit:
 def parse_unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
     """Parse a declared unit, such as `kg m²` or `rad/s or m/s`; return None for a pure number, a count, or no unit.
 
+    Also None for a unit with a symbol that is not in `BASE`, as a law of one's own may declare it.
+
     - `revolute`: True if the number belongs to a revolute joint; None if joints of both kinds share it.
     """
     text = declared.strip()
@@ -62,7 +70,10 @@ def parse_unit(declared: str, *, revolute: bool | None = True) -> Unit | None:
     tokens = TOKEN.findall(plain)
     if "".join(tokens) != plain.replace(" ", ""):
         return None
-    base = _product(tokens)
+    try:
+        base = _product(tokens)
+    except KeyError:
+        return None
     return Unit(re.sub(r"\s+", ".", plain), tuple((name, power) for name, power in base.items() if power))
 
 

@@ -174,7 +174,10 @@ class AbstractAdaptation(AbstractPart):
         return Believed.of(nominal, self.learnt(memory).rotor, self.counted)
 
     def changed_links(self, memory: Memory) -> Bool[Array, ""]:
-        """True if the last sample may have changed payload or links of the model; read only if `moves_bias`."""
+        """True if the last sample may have changed payload or links of the model.
+
+        It is read only if `moves_bias`: where learning changes C q̇ + G of the model, too.
+        """
         return jnp.ones((), bool)
 
     def filter_inertia(self, robot: AbstractRobot, q: Vector, memory: Memory) -> Vector:

@@ -365,7 +365,9 @@ class IdentifiedDescription(AbstractRobotDescription):
             return self.resolved().build()
 
     def resolved(self) -> AbstractRobotDescription:
-        """Return the description in the file, in which the true arm's differences in `plant` replace the file's.
+        """Return the description in the file, with the values in `plant` in place of the file's own values there.
+
+        `plant` states how the simulated arm differs from the arm that the law knows.
 
         Raises DefinitionError if the file describes no arm of rigid links.
         """

@@ -118,8 +118,8 @@ class PostureGrid:
 def require_independent_joints(robot: AbstractRobot) -> None:
     """Raise DefinitionError for an arm with coupled joints.
 
-    There M is not a polynomial of degree 2 in each joint: a follower with the ratio 2 doubles the degree. With the
-    ratio 0.5 M is no polynomial.
+    There M is not a polynomial of degree 2 in cosine and sine of each joint: a follower that turns twice as fast as its
+    leader doubles the degree, and with one that turns half as fast M is not a polynomial.
     """
     if isinstance(robot, Coupled):
         raise DefinitionError(

@@ -142,7 +142,14 @@ def uncertainty_bound(scenario: Scenario, family: Family | None = None) -> Verdi
     """
     bound = robust_bound(scenario)
     if not isinstance(bound, UncertaintyBound | StateBound):
-        return Verdict(*UNCERTAINTY_BOUND, None, None, {}, (), f"`{scenario.scheme}` has no bound with b0, b1, b2")
+        return Verdict(
+            *UNCERTAINTY_BOUND,
+            None,
+            None,
+            {},
+            (),
+            f"`{scenario.scheme}` has no bound b0 + b1‖q‖ + b2‖q̇‖² of the uncertainty",
+        )
     gamma = float(bound.gamma) if isinstance(bound, UncertaintyBound) else 0.0
     members = Members.of(scenario, family)
     samples = uncertainty_samples(members, MEMBERS, seed=7)
