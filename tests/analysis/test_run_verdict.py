@@ -28,7 +28,7 @@ def test_verdict_names_the_joint_and_time_with_the_largest_share_of_its_bound(he
     assert bound_shares(run).max() == pytest.approx(share)
 
 
-@pytest.mark.filterwarnings("ignore:scheme.bound gives")
+@pytest.mark.filterwarnings("ignore:scheme.bound, of the model error, gives")
 def test_verdict_compares_torques_with_the_limits_of_the_drives(held):
     scenario, run = held
     assert "Torque at its limit (joint 1)." in run_verdict(scenario, run).facts

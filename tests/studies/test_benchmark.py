@@ -98,7 +98,7 @@ def test_every_scheme_can_be_set_up_for_a_task_with_its_tolerance_as_envelope(na
         ("cftsmppc", {"scheme.surface.k1": 0.5, "scheme.surface.k2": 1.0, "scheme.bound.margin": 20.0}),
     ],
 )
-@pytest.mark.filterwarnings("ignore:scheme.bound gives u")
+@pytest.mark.filterwarnings("ignore:scheme.bound, of the model error, gives u")
 def test_tracking_errors_stay_below_a_tenth_of_armours_bound_with_the_heaviest_masses(scheme, gains):
     armour = task("gen3-armour")
     heavier = {"robot.plant.mass_factor": 1.03, "robot.plant.load.mass": 0.927}

@@ -29,7 +29,7 @@ from .trials import Trials
 class DriveDemand:
     """Torques that the motion and the uncertainty set require of the drives and of the law's robust torque.
 
-    - `demand`: disturbances that the joints' estimators must follow, and errors of the law's inertia.
+    - `demand`: the disturbances that the joints' estimators must follow, and the errors of the law's inertia.
     - `torque`, `limit`: largest torque along the motion, and torque limit of the drives [n], N m or N.
     - `u`: size of the law's robust torque [N m].
     - `needed`: largest model error that u must cover, as in the paper's eqs. (44), (45) [N m].

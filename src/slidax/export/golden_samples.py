@@ -251,13 +251,15 @@ class GoldenSamples:
 
 
 def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: bool) -> GoldenSamples:
-    """Return golden samples from a scenario's closed loop, from random states, and with bad numbers.
+    """Return inputs and answers of the step in Python, with which the test of the exported C code compares its own.
 
-    Samples whose status depends on the inputs' last digits are left out.
+    The inputs are from the scenario's closed loop, random, or have numbers that are not finite or out of range. Samples
+    whose returned status depends on the inputs' last digits are left out.
 
+    - `guard`: the step, with its checks of measurements, references and torques.
     - `real`: number type of the C code, "double" or "float".
-    - `same`: True if the C code has the same constants as the Python step. If False, only the torques of the closed
-      loop's samples are compared, with a wide tolerance.
+    - `same`: True if the C code has the constants of this step. False, as for code that rounds them, leaves only the
+      closed loop's samples, whose torques are compared with a wide tolerance.
     """
     drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
     good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))

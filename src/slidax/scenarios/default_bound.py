@@ -133,7 +133,11 @@ def warn_of_implausible_bound(
         value = f"u = {u:.3g} N m at the start, but this arm and its stated mismatch need {needed:.3g} N m"
     else:
         return
-    warnings.warn(f"scheme.bound gives {value}; is it for another arm? {remedy}", DefinitionWarning, stacklevel=2)
+    warnings.warn(
+        f"scheme.bound, of the model error, gives {value}; is it for another arm? {remedy}",
+        DefinitionWarning,
+        stacklevel=2,
+    )
 
 
 def _carrying(true: AbstractRobot, load: TimedPayload | None) -> AbstractRobot:
