@@ -125,8 +125,8 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
     """Return each joint's closed loop, linearised at zero error; None for each joint if this is not possible.
 
-    It is possible for a law that plans over a horizon, with a linear estimator or `StrongTracking`, whose bandwidth grows
-    with the errors: here it is the least one, which it has without errors.
+    It is possible for a law that plans over a horizon, with a linear estimator or `StrongTracking`. The bandwidth of
+    that one grows with the errors; here it is the least, which it has without errors.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """
