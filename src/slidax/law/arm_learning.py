@@ -494,7 +494,7 @@ class ArmLearning(AbstractAdaptation):
 
         Raises DefinitionError if one of them is out of its range.
         """
-        known = {"samples": max(FEWEST, round(UPDATE_TIME / period)), "smoothing": joints.smoothing, "joints": joints}
+        known: dict[str, Any] = {"counted": joints.counted, "smoothing": joints.smoothing, "joints": joints}
+        known["samples"] = max(FEWEST, round(UPDATE_TIME / period))
         known |= {name: value for name, value in parameters.items() if value is not None}
-        noise = window_noise(inertia_matrix, deviation, known["samples"], period)
-        return cls(**{"counted": joints.counted, "noise": noise, **known})
+        return cls(**{"noise": window_noise(inertia_matrix, deviation, known["samples"], period), **known})
