@@ -1,4 +1,4 @@
-"""The learning of the whole arm: when its model is used, and when it is not."""
+"""The learning of the whole arm: its payload, links, rotors and friction, and what the joints take over from it."""
 
 import equinox as eqx
 import jax
@@ -13,17 +13,12 @@ from slidax.law import ComputedTorque, Kalman, KnownArm, StrongTracking, sampled
 from slidax.law.adaptation import Experience
 from slidax.law.arm_model import ArmParameters, coupled_inertia
 from slidax.law.least_squares import NOISE
-from slidax.law.model_trust import (
-    UNSURE,
-    lost_payload,
-)
+from slidax.law.model_trust import UNSURE, lost_payload
 from slidax.scenarios import load
 from tests.law.moved import ARM, PERIOD, after_sample, learner, taught
 from tests.paper_examples import TWO_LINK
 
-STEP = jnp.asarray(0.01)
-VARIANCE = jnp.asarray(4e-4)
-YES, NO = jnp.asarray(True), jnp.asarray(False)
+NO = jnp.asarray(False)
 ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 

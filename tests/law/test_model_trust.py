@@ -23,7 +23,6 @@ from tests.law.moved import ARM, PERIOD, after_sample, learner
 STEP = jnp.asarray(0.01)
 VARIANCE = jnp.asarray(4e-4)
 YES, NO = jnp.asarray(True), jnp.asarray(False)
-ARM_LEARNING = {"scheme.sampled_data.adaptation": {"kind": "arm_learning"}}
 
 
 @eqx.filter_jit
