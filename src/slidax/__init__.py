@@ -76,7 +76,7 @@ def _enable_64_bits() -> None:
     """Enable 64-bit numbers in JAX unless the user has decided otherwise."""
     jax = sys.modules.get("jax")
     if jax is None:
-        # JAX reads it when it is imported, which takes a while and is left to the first use.
+        # JAX reads this variable when it is imported. slidax imports JAX at the first use only, since it takes a while.
         os.environ.setdefault("JAX_ENABLE_X64", "1")
     elif "JAX_ENABLE_X64" not in os.environ and not jax.live_arrays():
         jax.config.update("jax_enable_x64", True)

@@ -123,12 +123,12 @@ BAD_ARMS = {
     "unknown locked joint": (
         ARM,
         TIP | {"locked": {"elbo": 0.0}},
-        "`locked` names joint `elbo`, which does not move; did you mean `elbow`?",
+        "`locked` names `elbo`, which is no moving joint; did you mean `elbow`?",
     ),
     "locked joint that is fixed": (
         ARM,
         TIP | {"locked": {"flange": 0.0}},
-        "`locked` names joint `flange`, which does not move; there are: `shoulder`, `elbow`",
+        "`locked` names `flange`, which is no moving joint; there are: `shoulder`, `elbow`",
     ),
     "locked beyond its limits": (
         [SHOULDER, a_joint(parent="shoulder", lower=-1.0, upper=2.0), FLANGE],

@@ -91,7 +91,7 @@ def test_missing_robot_description_or_package_is_refused_with_a_remedy(descripti
     with pytest.raises(DefinitionError, match="`five_description` is not a robot of robot_descriptions; `python -m"):
         draft("five_description")
     del descriptions.URDF_PATH
-    with pytest.raises(DefinitionError, match="has neither a URDF nor an MJCF file"):
+    with pytest.raises(DefinitionError, match="has no URDF, MJCF or xacro file"):
         draft("four_description")
     monkeypatch.setitem(sys.modules, "robot_descriptions", None)
     monkeypatch.delitem(sys.modules, "robot_descriptions.four_description")

@@ -195,7 +195,7 @@ def test_payload_estimate_of_an_empty_hand_is_physically_consistent():
     [
         ({"q": 57.3}, "are they degrees"),
         ({"held_out": 0.95}, r"`held_out` must be in \(0, 0.9\]"),
-        ({"cut_off": 100.0}, "a quarter of the rate"),
+        ({"cut_off": 100.0}, "a quarter of the sampling rate"),
         ({"keep": 90}, "at least 100 are needed"),
         ({"keep": 130, "cut_off": 5.0}, "the part that is fitted has 0.12 s and needs 0.8 s"),
         ({"held_out": 0.03}, "the part that is held out has"),

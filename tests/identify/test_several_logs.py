@@ -264,7 +264,7 @@ def test_gravity_components_that_no_torque_depends_on_are_reported_as_unidentifi
 @pytest.mark.parametrize(
     ("arm", "conventions", "words"),
     [
-        (known_arm(), Conventions(add_gravity=True), "leave one of both out"),
+        (known_arm(), Conventions(add_gravity=True), "leave one of the two out"),
         (in_gravity(known_arm(), np.zeros(3)), None, r"`gravity` is 0 .*`--gravity 0,0,-9.81`"),
     ],
     ids=["added", "none"],

@@ -219,9 +219,9 @@ def test_the_part_of_a_study_must_be_a_number_and_a_count_such_as_2_of_4(text):
 
 
 def test_a_part_is_refused_for_studies_with_dependent_rows(tmp_path):
-    with pytest.raises(DefinitionError, match="monte_carlo with `until` chooses each row from earlier results"):
+    with pytest.raises(DefinitionError, match="the rows of monte_carlo with `until` depend on earlier results"):
         study(until={"probability": 0.9}).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
-    with pytest.raises(DefinitionError, match="falsify chooses each row from earlier results"):
+    with pytest.raises(DefinitionError, match="the rows of falsify depend on earlier results"):
         study(study="falsify", runs=64).run(RunOptions(tmp_path / "out", part=Part(1, 2)))
     with pytest.raises(DefinitionError, match="--out"):
         study().run(RunOptions(part=Part(1, 2)))

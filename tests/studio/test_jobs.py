@@ -53,6 +53,15 @@ def test_a_job_writes_its_files_and_its_report_is_served_in_a_sandbox(client, sh
     assert (again.status_code, again.json()["exists"]) == (409, True)
 
 
+def test_a_second_job_that_writes_the_same_folder_is_refused_and_not_offered_to_overwrite(client):
+    request = {"kind": "run", "options": {"scenario": "panda-payload", "out": "results/two"}}
+    first = client.post("/api/jobs", json=request).json()
+    second = client.post("/api/jobs", json=request)
+    assert second.status_code == 422 and "exists" not in second.json()
+    assert "another job is writing" in second.json()["error"]["message"]
+    assert client.delete(f"/api/jobs/{first['id']}").json()["state"] == "cancelled"
+
+
 def test_a_cancelled_job_and_its_children_end(client):
     request = {"scenario": "panda-payload", "runs": 100000}
     job = client.post("/api/jobs", json={"kind": "certify", "options": request}).json()

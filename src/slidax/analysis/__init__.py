@@ -1,9 +1,9 @@
 """Analysis of closed loops and their runs: metrics, linearisation with margins, and diagnosis.
 
-Metrics turn a run into values per joint: `metrics.py` has all of them, `metric.py` has their class. `linearise` returns
-the simulated loop at a point of its run as a linear system with eigenvalues and margins. `explain` lists the likely
-causes for which a run left its envelope, with evidence from its log and remedies tried in simulation. `forecast` checks
-the planned motion before a run and warns of such causes.
+Metrics turn a run into values per joint or per run: `metrics.py` has all of them, `metric.py` has their class.
+`linearise` returns the simulated loop at a point of its run as a linear system with eigenvalues and margins. `explain`
+lists the likely causes for which a run left its envelope, with evidence from its log and remedies tried in simulation.
+`forecast` checks the planned motion before a run and warns of such causes.
 
 Start with `metrics.py`, `linearise.py` and `explain.py`.
 """

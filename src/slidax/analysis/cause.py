@@ -41,8 +41,7 @@ class Finding:
 
     - `name`: name of the cause.
     - `joint`: index of the joint, from 0; None if the cause concerns all joints.
-    - `weight`: likelihood that this cause made the run leave its envelope, from 0 to 1; above 0.8 it suffices as an
-      explanation.
+    - `weight`: rough likelihood that this cause made the run leave its envelope, from 0 to 1; it ranks the findings.
     - `evidence`: a sentence with the values.
     - `numbers`: the values in the evidence, by name.
     - `remedies`: possible remedies, the best first.
@@ -77,7 +76,7 @@ def _as_yaml(value: Any) -> str:
 
 
 FACTORS = (0.7, 0.5)
-"""Speed factors to try."""
+"""Factors of the motion's speed to try."""
 
 
 def slower_motion(record: RunRecord) -> list[Remedy]:

@@ -89,14 +89,14 @@ def explain(
 
     The list is also empty if the log shows no cause. Causes are sorted by their weight (`Finding`). The remedies of up
     to `MOST_TRIED` causes are then tried in simulation, until the run keeps its envelope with one of them. The cause
-    with that remedy then comes first.
+    with that remedy then comes first. No remedy is tried for a scenario that `Scenario.replace` changed.
 
     - `scenario`: the scenario of the run.
     - `run`: the run, with every sample in its log, or its `RunRecord`.
     - `tries`: True to try remedies.
-    - `seconds`: time limit after which no further remedy is tried.
+    - `seconds`: time limit after which no further remedy is tried [s].
 
-    Raises DefinitionError if the log lacks samples, or the scheme is not in sampled-data form with an envelope.
+    Raises DefinitionError if the log lacks samples, or the run cannot be diagnosed (`require_explainable`).
     """
     until = time.monotonic() + seconds
     record = run if isinstance(run, RunRecord) else RunRecord.of(scenario, run)
@@ -120,7 +120,7 @@ def likeliest_cause(scenario: Scenario, *, seconds: float) -> str:
     """The likeliest cause and its remedy in one line; empty if no cause shows, or the scheme cannot be diagnosed.
 
     - `scenario`: the scenario whose run left its envelope; it is run again with every sample in the log.
-    - `seconds`: time limit after which no further remedy is tried.
+    - `seconds`: time limit after which no further remedy is tried [s].
     """
     try:
         require_explainable(scenario)
@@ -157,9 +157,9 @@ SCENARIO, LOG = "scenario.yaml", "log.parquet"
 
 
 def read_saved(saved: str | Path) -> tuple[Scenario, dict[str, np.ndarray], bool]:
-    """Return a saved run's scenario, its log, and True if the log has every sample.
+    """Return a saved run's scenario, the run's log, and True if the log has every sample.
 
-    The log is an array over the samples for each column, by name; `q_1` is the position of joint 1.
+    The log maps each column's name to an array over the samples; `q_1` is the position of joint 1.
 
     - `saved`: a folder that `slidax run --out` has written, or an MCAP file.
 
@@ -192,8 +192,8 @@ def _columns(log: SavedLog) -> dict[str, np.ndarray]:
     arm, law = log.arm, log.law
     if not len(arm["true_k"]) or not len(law["k"]):
         raise DefinitionError(
-            f"`{log.path}` has no samples of a simulated arm on `/truth`, or no command of the law: "
-            "a diagnosis needs both"
+            f"`{log.path}` has no samples of a simulated arm (topic `/truth`), or no command of the law: a diagnosis "
+            "needs both, as `slidax run` and `slidax loop` record them"
         )
     answer = np.maximum(np.searchsorted(law["k"], arm["true_k"], side="right") - 1, 0)
     signals: dict[str, np.ndarray] = {

@@ -169,7 +169,7 @@ class LinearisedLoop:
 
     - `scenario`: name of the scenario.
     - `at`: time [s].
-    - `q`, `dq`: joint positions and velocities at this time [n].
+    - `q`, `dq`: joint positions [n], rad or m, and velocities [n], rad/s or m/s, at this time.
     - `system`: linear system from all injected signals (`INPUTS` of `period_map.py`) to all `OUTPUTS`, with the states
       that connect them.
     - `joint_names`: names of the joints.
@@ -268,6 +268,8 @@ class LinearisedLoop:
         The peak is the largest singular value of `S = (1 + L)⁻¹`, with the loop gain L. None if the loop is unstable.
 
         - `where`: as in `closed_loop`.
+
+        Raises DefinitionError as `closed_loop` does.
         """
         return simultaneous_margins(self.closed_loop(where)) if self.stable else None
 
@@ -310,13 +312,14 @@ class LinearisedLoop:
 def linearise(scenario: Scenario, at: float | None = None) -> LinearisedLoop:
     """Linearise a scenario's closed loop at a time of its run, by the exact derivative of a sampling period.
 
-    The linearised map is the simulated sample: sensor, estimator, prediction, law, drives, and the arm between
+    The linearised map is one period of the simulation: sensor, estimator, prediction, law, drives, and the arm between
     two samples. Parts without a derivative are left out or frozen, and listed in `notes`: sensor rounding, noise and
     lost samples, and learning. The result is time-invariant; along a motion it describes the loop frozen at this time.
 
     - `at`: time [s], rounded to the nearest sample; by default the end of the run.
 
-    Raises DefinitionError if the run ends earlier, MuJoCo simulates the arm, or the arm has a transmission.
+    Raises DefinitionError if the time is not within the run, the run ends earlier, MuJoCo simulates the arm, the arm
+    has a transmission, or the loop has no derivative at this time.
     """
     h = scenario.period
     at = scenario.t1 if at is None else at

@@ -50,9 +50,10 @@ def estimate_from_log(record: RunRecord) -> LogEstimate:
     """Estimate the delay and each joint's inertia I_i by least squares, for each of the delays in `DELAYS`.
 
     The fit is `τ̄ - C0 q̇ - G0 - Σ_{j≠i} M0_ij a_j = I_i a_i`, with M0, C0 and G0 of the nominal arm. a is the second
-    difference of the measured positions over h². τ̄ is the mean torque over the two periods of this difference, shifted
-    by the delay: for a held torque `q₊ - 2 q + q₋ = h² (a + a₋)/2` exactly. Both sides are filtered in `BAND`.
-    Encoder noise enlarges the sum of a²; its share is subtracted. The delay with the best fit is chosen.
+    difference of the measured positions over h², with the period h. τ̄ is the mean torque over the two periods of this
+    difference, shifted by the delay: for accelerations a₁ and a₂ that are constant in these periods, the second
+    difference is exactly `h² (a₁ + a₂)/2`. Both sides are filtered in `BAND`. Encoder noise enlarges the sum of a²;
+    the noise's share is subtracted. The delay with the best fit is chosen.
     """
     h = record.period
     q, tau, count = record.q, record.tau, len(record.t)
@@ -125,5 +126,5 @@ def believed_inertia(record: RunRecord, estimate: LogEstimate) -> np.ndarray:
     if record.law.adaptation is None:
         return own
     learnt = record.signals["rotor"][record.before].mean(axis=0) - np.asarray(record.law.adaptation.counted)
-    # The law never uses a negative inertia: it scales the links instead.
+    # The law's inertia is never below a small share of the nominal one (`with_rotors`).
     return np.maximum(own + learnt, 0.01 * own)

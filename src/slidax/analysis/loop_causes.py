@@ -55,7 +55,7 @@ COARSE = 0.25
 
 
 class EncoderCause(AbstractCause):
-    """Cause of poor tracking: a coarse encoder.
+    """A joint's encoder is too coarse.
 
     Its step is a large share of the envelope, or the torque steps that its rounding alone causes exceed the rate limit.
     """
@@ -107,7 +107,7 @@ def _encoder_remedies(record: RunRecord, step: float) -> list[Remedy]:
 
 
 SLOW, FAST = 0.25, 4.0
-"""Useful range of ω H, an estimator's bandwidth times the horizon; the built-in scenarios have 0.6 to 3."""
+"""Useful range of ω H, an estimator's bandwidth ω times the horizon H; the built-in scenarios have 0.6 to 3."""
 
 NOISY = 0.5
 """Share of the torque rate limit above which noise makes an estimator too fast."""
@@ -185,7 +185,7 @@ def _estimator_remedies(record: RunRecord) -> list[Remedy]:
 
 
 SURE = 0.85
-"""Least share of a joint's torque in the band that its inertia must explain."""
+"""Least share of a joint's torque in the band of `log_estimate.py` that its inertia must explain."""
 
 ADAPTATION = "adaptation"
 """Optional field of `sampled_data` for learning the arm's inertia."""
@@ -221,10 +221,15 @@ class InertiaCause(AbstractCause):
         own = believed[joint] - estimate.nominal[joint]
         learnt = "" if record.law.adaptation is None else f", {own:.2g} of it learnt"
         least, most = loop.stable_range()
+        known_range = not np.isnan(least)
+        stable_for = (
+            f"stable for {1.0 / most:.2g} to {1.0 / least:.2g} times the inertia"
+            if known_range
+            else "unstable even for the inertia in the model"
+        )
         evidence = (
             f"{record.named(joint)}: the arm has {factor:.2g} times the inertia in the law's model (estimated "
-            f"{estimate.inertia[joint]:.3g}, modelled {believed[joint]:.3g} {unit}{learnt}); its loop is stable for "
-            f"{1.0 / most:.2g} to {1.0 / least:.2g} times the inertia"
+            f"{estimate.inertia[joint]:.3g}, modelled {believed[joint]:.3g} {unit}{learnt}); its loop is {stable_for}"
         )
         return Finding(
             name=self.name,
@@ -236,8 +241,7 @@ class InertiaCause(AbstractCause):
                 "believed": float(believed[joint]),
                 "nominal": float(estimate.nominal[joint]),
                 "kappa": float(kappa[joint]),
-                "stable_from": least,
-                "stable_to": most,
+                **({"stable_from": least, "stable_to": most} if known_range else {}),
             },
             remedies=[*_adaptation_remedies(record), *_model_remedies(record, estimate, known)],
         )
@@ -350,7 +354,7 @@ class SubstepsCause(AbstractCause):
 
     Near rest, friction is `(f_c/v_s + f_v) q̇` with the Coulomb friction f_c, its velocity scale v_s and the viscous
     coefficient f_v. So the velocity decays with the rate `(f_c/v_s + f_v)` over the inertia, and the step must be short
-    relative to that. The cause is in the simulation and not in the law, so this check uses the plant.
+    relative to the inverse of this rate. The cause is in the simulation, not in the law, so this check uses the plant.
     """
 
     name: ClassVar[str] = "substeps"
@@ -380,7 +384,7 @@ class SubstepsCause(AbstractCause):
 def step_ratio(scenario: Scenario) -> tuple[float, int] | None:
     """Return the integrator's step over the longest stable step for the plant's friction, and the joint that limits it.
 
-    None if MuJoCo simulates the arm, or the arm is not `Articulated`.
+    The inertia is that at the initial position. None if MuJoCo simulates the arm, or the arm is not `Articulated`.
     """
     simulation, robot = scenario.description.simulation, scenario.plant.robot
     if simulation.plant != "own" or not isinstance(robot, Articulated):

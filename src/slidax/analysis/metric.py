@@ -34,7 +34,7 @@ class Metric(Generic[Value]):
     - `per_joint`: True for a value per joint, False for a single value per run.
     - `brief`: True if the short comparison on a terminal shows the metric.
     - `bars`: True if a comparison report plots the metric.
-    - `needs_settling`: True for a settling time; tables omit one at the end of the run, since the run did not settle.
+    - `needs_settling`: True for a settling time; tables omit a value at the run's end, since the run did not settle.
     - `counts`: True if the metric counts samples, and so has no derivative.
     - `source`: a DOI; tables show the metric only for scenarios of this source.
     """

@@ -19,7 +19,7 @@ BRIEF_BANDS = (1e-3, 1e-5)
 
 
 def settling_time(run: Run, band: float) -> np.ndarray:
-    """Last sample time with |e| above the band, [n], s; 0 if it never is, `t1` if it still is at the end.
+    """Last sample time with the position error |e| above the band [n], s; 0 without one, the run's end if not settled.
 
     - `band`: one of the run's settling bands, rad or m.
 
@@ -227,7 +227,7 @@ def tolerance_margin(run: Run) -> np.ndarray | None:
 
 @metric("tool error", "m", per_joint=False)
 def tool_error(run: Run) -> np.ndarray | float | None:
-    """Largest distance of the tip from its reference position [m]; None if no tool is guided."""
+    """Largest distance of the tip from its reference position [m]; None without a tool path."""
     if run.tally.tool is None:
         return None
     return value_of_run(array_of(run.tally.samples) > 0, array_of(run.tally.tool.position.error))
@@ -237,7 +237,7 @@ def tool_error(run: Run) -> np.ndarray | float | None:
 def steady_tool_error(run: Run) -> np.ndarray | float | None:
     """Largest distance of the tip from its reference position over the last quarter of the run [m].
 
-    None if no tool is guided, or the run ended before its last quarter.
+    None without a tool path, and if the run ended before its last quarter.
     """
     if run.tally.tool is None:
         return None
@@ -246,7 +246,7 @@ def steady_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool error, rms", "m", per_joint=False)
 def rms_tool_error(run: Run) -> np.ndarray | float | None:
-    """Root mean square distance of the tip from its reference position [m]; None if no tool is guided."""
+    """Root mean square distance of the tip from its reference position [m]; None without a tool path."""
     if run.tally.tool is None:
         return None
     samples = array_of(run.tally.samples)
@@ -255,7 +255,10 @@ def rms_tool_error(run: Run) -> np.ndarray | float | None:
 
 @metric("tool rotation error", "rad", per_joint=False)
 def tool_turn(run: Run) -> np.ndarray | float | None:
-    """Largest rotation angle between the tool and its reference orientation [rad]; None if no tool is guided."""
+    """Largest rotation angle between the tool and its reference orientation [rad].
+
+    None without a tool path, and for a robot without an orientation of its tip.
+    """
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(array_of(run.tally.samples) > 0, array_of(turn.error))
 
@@ -264,7 +267,7 @@ def tool_turn(run: Run) -> np.ndarray | float | None:
 def steady_tool_turn(run: Run) -> np.ndarray | float | None:
     """Largest rotation angle between the tool and its reference over the last quarter of the run [rad].
 
-    None if no tool is guided, or the run ended before its last quarter.
+    None as for `tool_turn`, and if the run ended before its last quarter.
     """
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     return None if turn is None else value_of_run(reached_last_quarter(run), array_of(turn.steady))
@@ -272,7 +275,7 @@ def steady_tool_turn(run: Run) -> np.ndarray | float | None:
 
 @metric("tool rotation error, rms", "rad", per_joint=False)
 def rms_tool_turn(run: Run) -> np.ndarray | float | None:
-    """Root mean square rotation angle between the tool and its reference [rad]; None if no tool is guided."""
+    """Root mean square rotation angle between the tool and its reference [rad]; None as for `tool_turn`."""
     turn = None if run.tally.tool is None else run.tally.tool.rotation
     if turn is None:
         return None
@@ -300,7 +303,7 @@ METRICS: tuple[Metric[Any], ...] = (
     envelope_violations,
     envelope_margin,
 )
-"""Every metric in the order of tables, except settling times, which depend on a run's bands, and tolerance metrics."""
+"""Metrics of every run, in the order of tables. Settling times are not among them: they depend on the run's bands."""
 
 TOLERANCE_METRICS: tuple[Metric[Any], ...] = (tolerance_violations, tolerance_margin)
 """Metrics of a run with a tolerance band."""
@@ -314,7 +317,7 @@ TOOL_METRICS: tuple[Metric[Any], ...] = (
     steady_tool_turn,
     rms_tool_turn,
 )
-"""Additional metrics of a run whose arm guides a tool; rotations only if the robot defines its tip's orientation."""
+"""Additional metrics of a run along a tool path; rotations only if the robot defines its tip's orientation."""
 
 
 MONITOR_METRICS: tuple[Metric[Any], ...] = (guarantee_margin, warned_at)

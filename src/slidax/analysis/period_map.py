@@ -87,7 +87,7 @@ class AddedTorque(AbstractController):
 
 
 class ShiftedSensor(AbstractSensor):
-    """A sensor that measures the true state plus an offset; it loses no samples."""
+    """A sensor that measures the true state plus a constant offset."""
 
     sensor: AbstractSensor = piece("the sensor")
     position: Vector = piece("added to the positions")
@@ -199,7 +199,7 @@ OUTPUTS = ("error", "torque", "position", "velocity")
 
 @dataclass(frozen=True, eq=False)
 class PeriodMap:
-    """The map `x⁺, y = f(x, u)` of a sampling period, with x the state of the loop.
+    """The map `x⁺, y = f(x, u)` of a sampling period: x is the loop's state, u the injected signals, y the outputs.
 
     - `x`: the m states at the operating point [m].
     - `inputs`: size of u, n for each of `INPUTS`.

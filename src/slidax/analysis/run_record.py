@@ -125,8 +125,8 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:
     """Return each joint's closed loop, linearised at zero error; None for each joint if this is not possible.
 
-    It is possible for a law that plans over a horizon, with a linear estimator or `StrongTracking`. The bandwidth of
-    that one grows with the errors; here it is the least, which it has without errors.
+    This is possible for a law that plans over a horizon, with a linear estimator or `StrongTracking`. The latter is a
+    Kalman filter whose bandwidth grows with its innovations; the result is for its least bandwidth.
 
     - `scenario`: a scenario with a law in sampled-data form.
     """
@@ -149,7 +149,7 @@ def measured_positions(
 
     - `sensor`: the run's sensor; None for an ideal sensor.
     - `q`, `dq`: true positions and velocities [samples n], from sample 0 on.
-    - `period`: h [s].
+    - `period`: sampling period [s].
     """
     if sensor is None:
         return q, np.ones(len(q), bool)
@@ -187,7 +187,7 @@ def require_explainable(scenario: Scenario) -> SampledData:
     - `scenario`: the scenario to check.
 
     Raises DefinitionError if its scheme is not in sampled-data form or has no envelope, its encoders are at the motors
-    of elastic joints, or its actuator has a map.
+    of elastic joints, or its actuator has a map from commands to joint torques.
     """
     law, start = scenario.controller, scenario.state0
     transmission = getattr(scenario.plant, "transmission", None)
@@ -257,7 +257,7 @@ class RunRecord:
         - `scenario`: the scenario of the run, in sampled-data form and with an envelope.
         - `run`: the run, with every sample in its log.
 
-        Raises DefinitionError if the log is missing or lacks samples, or the scheme has another form.
+        Raises DefinitionError if the log is missing or lacks samples, and as `require_explainable` does.
         """
         if run.log is None:
             raise DefinitionError(EACH)
@@ -280,7 +280,7 @@ class RunRecord:
         def per_joint(name: str) -> np.ndarray:
             parts = [columns.get(f"{name}_{joint + 1}") for joint in range(n)]
             if any(column is None for column in parts):
-                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: is it from this scenario?")
+                raise DefinitionError(f"the log has no columns `{name}_1` to `{name}_{n}`: use the log's own scenario")
             return np.stack([np.asarray(column, float) for column in parts], axis=1)
 
         t = np.asarray(columns.get("t", ()), float)
@@ -333,7 +333,7 @@ class RunRecord:
 
     @cached_property
     def outside(self) -> np.ndarray:
-        """True where a joint is outside its envelope [samples n]."""
+        """True where a joint is at or outside its envelope's bounds [samples n]."""
         return (self.error <= self.lower) | (self.error >= self.upper)
 
     @property
@@ -351,7 +351,7 @@ class RunRecord:
 
     @cached_property
     def narrow(self) -> np.ndarray:
-        """True where the envelope has its final width [samples]."""
+        """True where the envelope has its final width, up to the factor `NARROW` [samples]."""
         width = (self.upper - self.lower).min(axis=1)
         return width <= NARROW * width[-1]
 
@@ -403,7 +403,8 @@ class RunRecord:
     def missed(self) -> np.ndarray:
         """Largest error of the disturbance estimate while the envelope is narrow [n], rad/s² or m/s².
 
-        It is w̄ of docs/loop-rate.md.
+        It is w̄ of docs/loop-rate.md: the largest |r| + D |Δw|, with the signals r = `residual` and w = `disturbance`,
+        the change Δw of w in a period, and the delay of D periods.
         """
         d = float(self.law.believed_delay)
         missed = np.abs(self.signals["residual"][1:]) + d * np.abs(np.diff(self.signals["disturbance"], axis=0))

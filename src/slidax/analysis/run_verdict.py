@@ -20,7 +20,7 @@ class RunVerdict:
     """The verdict of a run, as sentences for a terminal or a report.
 
     - `good`: True if the run reached its end inside its envelope and inside its tolerance band, if it has them.
-    - `sentence`: the verdict, with the joint nearest to its bound among the logged samples.
+    - `sentence`: the verdict, with the joint nearest to its bound in the logged samples, or in all without a log.
     - `facts`: sentences on the largest steady error, the largest torque and the tool.
     """
 
@@ -74,7 +74,7 @@ def _named(run: Run, joint: int) -> str:
 
 
 def torque_limits(scenario: Scenario) -> np.ndarray | None:
-    """Largest torque of the actuator of a `scenario` [n], N m or N; None if unlimited."""
+    """Largest torque of the actuator of a `scenario` [n], N m or N; None if no joint has a limit."""
     actuator = scenario.plant.actuator
     if actuator is None:
         return None

@@ -151,7 +151,7 @@ LOWEST = 1e-5
 """Lowest frequency of the grid, as a multiple of π/h."""
 
 ITERATIONS = 60
-"""Bisection steps between two frequencies of the grid."""
+"""Bisection steps between two frequencies of the grid; a search for a peak takes half as many steps."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +164,8 @@ class Margins:
     - `gain_up`, `gain_down`: gain margins, the factors of the gain at which the loop becomes unstable.
     - `phase`: phase margin, degrees.
     - `delay`: delay margin, the smallest additional delay at which the loop becomes unstable [s].
-    - `disk`: disk margin α: the loop stays stable for all simultaneous changes `(1 + δ/2)/(1 - δ/2)`, `|δ| < α`, of
-      gain and phase.
+    - `disk`: disk margin α: the loop stays stable for all simultaneous changes of gain and phase, by the factor
+      `(1 + δ/2)/(1 - δ/2)` for complex δ with `|δ| < α`.
     - `sensitivity`: peak of |S|.
     - `at_peak`: frequency of this peak [rad/s].
     - `crossover`: highest frequency with |L| = 1 [rad/s].

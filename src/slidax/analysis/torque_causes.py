@@ -22,7 +22,7 @@ REACHED = 0.999
 """A torque of at least this share of its limit counts as saturated."""
 
 TORQUE_SPARE = 1.15
-"""Smallest proposed torque limit over the torque that the motion needs; it leaves room for feedback."""
+"""Smallest proposed torque limit, as a multiple of the torque that the motion needs: feedback needs the rest."""
 
 
 class TorqueCause(AbstractCause):
@@ -114,7 +114,7 @@ def _rate_remedies(record: RunRecord) -> list[Remedy]:
 
 
 COVER_SPARE = 1.5
-"""Least proposed robust torque u over the largest unexplained torque."""
+"""Least proposed robust torque u, as a multiple of the largest unexplained torque."""
 
 
 class RobustTorqueCause(AbstractCause):
@@ -356,7 +356,10 @@ RARE = 4.0
 
 
 class ContactCause(AbstractCause):
-    """The unexplained torque changes suddenly, like the torque `Jᵀ F` of a force at the tip."""
+    """The unexplained torque changes suddenly, as by `Jᵀ F` of a force F at the tip, with the tip's Jacobian J.
+
+    Only arms with five joints or more are checked: with fewer, a force at the tip could explain most changes.
+    """
 
     name: ClassVar[str] = "contact"
 
@@ -405,7 +408,7 @@ class ContactCause(AbstractCause):
 
 
 def _accelerations(record: RunRecord, robot: Articulated, samples: list[int]) -> np.ndarray:
-    """Return the tip's accelerations at some samples [samples 3], m/s², below the loop's band."""
+    """Return the tip's accelerations at some samples [samples 3], m/s², from low-pass filtered positions."""
     q = low_pass(record.q, SLOW, record.period)
     dq = np.gradient(q, record.period, axis=0)
     ddq = np.gradient(dq, record.period, axis=0)

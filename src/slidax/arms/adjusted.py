@@ -36,8 +36,9 @@ PAYLOAD = 10
 class Adjusted(AbstractRobot):
     """A nominal arm whose link i has `1 + factors_i` times its mass and inertia, with a body added at the tip.
 
-    With factors 0 and a body of mass 0 and inertia 0 it is the nominal arm. M(q) and the bias C q̇ + G change linearly
-    with `factors` and `body`. Friction, rotor inertia and tip frame are the nominal arm's.
+    The nominal arm's payload belongs to its link. With factors 0 and a body of mass 0 and inertia 0 it is the nominal
+    arm. M(q) and the bias C q̇ + G change linearly with `factors` and `body`. Friction, rotor inertia and tip frame are
+    the nominal arm's.
     """
 
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
@@ -83,7 +84,7 @@ class Adjusted(AbstractRobot):
         return self.nominal.tip(q)
 
     def bodies(self) -> Bodies:
-        """Return the inertia of each link about its joint's origin, with the changes."""
+        """Return each link's mass properties about its joint's origin, with the changes."""
         arm, scale, body = self.nominal, 1.0 + self.factors, self.body
         links = arm.bodies()
         at_tip = np.arange(arm.joints) == arm.tip_joint

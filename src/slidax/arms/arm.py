@@ -21,7 +21,8 @@ from slidax.core.types import Matrix, Scalar, State, Vector
 class AbstractRobot(AbstractPart):
     """A rigid arm `M(q) q̈ + C(q,q̇) q̇ + G(q) + F(q̇) = τ + τ_d`, eq. (10) of the paper with joint friction F.
 
-    A subclass defines `mass`, `bias`, `friction`, `potential` and `tip`.
+    q are the positions of the n joints, τ the torques of the drives, τ_d those of a disturbance. A subclass defines
+    `mass`, `bias`, `friction`, `potential` and `tip`.
 
     - `joint_units`: "rad" for a revolute joint, "m" for a prismatic one.
     - `joint_names`: names for tables, figures and messages.
@@ -32,7 +33,7 @@ class AbstractRobot(AbstractPart):
 
     @property
     def joints(self) -> int:
-        """The number of joints."""
+        """The number of joints, n."""
         return len(self.joint_units)
 
     @property
@@ -42,7 +43,7 @@ class AbstractRobot(AbstractPart):
 
     @abstractmethod
     def mass(self, q: Vector) -> Matrix:
-        """Return the inertia matrix `M(q)`, [n n], kg m², kg m, kg."""
+        """Return the inertia matrix `M(q)`, [n n], kg m², or with prismatic joints also kg m and kg."""
 
     @abstractmethod
     def bias(self, q: Vector, dq: Vector) -> Vector:
@@ -52,7 +53,7 @@ class AbstractRobot(AbstractPart):
     def friction(self, dq: Vector) -> Vector:
         """Return the joint friction `F(q̇)`, [n], N m or N; 0 for an arm without friction.
 
-        `bias` excludes it, since control laws do not compensate it: its sign changes with noise.
+        `bias` excludes friction, since its sign changes with the noise of a measured velocity.
         """
 
     @abstractmethod
@@ -80,15 +81,15 @@ class AbstractRobot(AbstractPart):
         return 0.5 * jnp.sum(state.dq * matvec(self.mass(state.q), state.dq)) + self.potential(state.q)
 
     def acceleration(self, state: State, tau: Vector) -> Vector:
-        """Return `q̈ = M(q)⁻¹ (τ - C q̇ - G - F)`, [n].
+        """Return `q̈ = M(q)⁻¹ (τ - C q̇ - G - F)`, [n], rad/s² or m/s².
 
-        - `tau`: sum of all generalised forces [n], N m or N.
+        - `tau`: sum of the torques of drives and disturbance, without friction [n], N m or N.
         """
         return solve_symmetric(self.mass(state.q), tau - self.bias(state.q, state.dq) - self.friction(state.dq))
 
 
 class JointLimits(AbstractPart):
-    """Limits of each joint; infinite for a missing or unknown limit."""
+    """Limits of each joint [n]; infinite for a missing or unknown limit."""
 
     lower: Vector = parameter("least positions", "rad or m", "[-inf, inf)")
     upper: Vector = parameter("largest positions", "rad or m", "(lower, inf]")
@@ -101,7 +102,7 @@ class JointLimits(AbstractPart):
 
 
 def _moments(value: Any) -> Array:
-    """Convert one number to equal moments about every axis, like those of a ball."""
+    """Return an inertia matrix [3 3]; one number means equal moments about all axes, as for a ball."""
     moments = as_array(value)
     if moments.shape not in ((), (3, 3)):
         raise DefinitionError(f"`Payload.inertia` must be one number or 3 x 3; got {list(moments.shape)}")

@@ -66,8 +66,9 @@ def joint_frames(
 ) -> JointFrames:
     """Return the joint frames in a posture: each joint turns about, or slides along, the z axis of its frame.
 
-    - `rotations`, `translations`: each frame in its parent's frame, at position 0.
-    - `parents`: index of each joint's parent, less than its own; -1 for the base.
+    - `rotations`, `translations`: each frame in its parent's frame, at position 0 [n 3 3], [n 3], m.
+    - `parents`: index of each joint's parent, less than the joint's own; -1 for the base.
+    - `revolute`: True for a revolute joint, False for a prismatic one.
     - `q`: positions [n], rad or m.
     """
     is_revolute = np.asarray(revolute)
@@ -93,7 +94,7 @@ def _behind(before: Any, at: Any, own: tuple[Any, Any], moved: tuple[Any, ...]) 
 
 
 def _moved(frame: tuple[Any, Any], moved: tuple[Any, ...]) -> tuple[Any, Any]:
-    """Rotate a frame, by a cosine and a sine, or slide it."""
+    """Rotate a frame about its z axis, by a cosine and a sine, or slide it along this axis."""
     rotation, position = frame
     x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
     if len(moved) == 2:
@@ -122,7 +123,8 @@ def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
     full = bodies.inertia[np.asarray(INDICES)]
     half = jnp.sum(r[:, :, None] * full[None], axis=1)
     turned = [jnp.sum(half[i] * r[j], axis=0) for i, j in PAIRS]
-    # J = R J' Rᵀ + 2 (p·h) 1 - p hᵀ - h pᵀ + m (p·p 1 - p pᵀ), with a = h + m p/2: p hᵀ + h pᵀ + m p pᵀ = p aᵀ + a pᵀ.
+    # J' about the joint's origin p becomes J = R J' Rᵀ + 2 (p·h) 1 - p hᵀ - h pᵀ + m (p·p 1 - p pᵀ) about the base's.
+    # With a = h + m p/2: p hᵀ + h pᵀ + m p pᵀ = p aᵀ + a pᵀ.
     a = h + 0.5 * m * p
     trace = 2.0 * jnp.sum(p * a, axis=0)
     shifted = [t - (p[i] * a[j] + a[i] * p[j]) for t, (i, j) in zip(turned, PAIRS, strict=True)]
@@ -131,10 +133,11 @@ def about_base_origin(bodies: Bodies, at: JointFrames) -> Bodies:
 
 
 def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matrix:
-    """Return `M`, [n n], by the composite-rigid-body algorithm: `M_ij = S_i · I_j S_j` if joint i carries joint j.
+    """Return the inertia matrix M [n n] by the composite-rigid-body algorithm.
 
-    S_i is the velocity of link i for a unit velocity of its joint, and I_j the inertia of all links that joint j moves.
-    The rotors' armature is not included.
+    `M_ij = M_ji = S_i · I_j S_j` if joint i carries joint j, and 0 if neither carries the other. S_i is the velocity of
+    link i for a unit velocity of its joint, and I_j the inertia of all links that joint j moves. The rotors' armature
+    is not included.
 
     - `bodies`: links about the base's origin.
     - `s`: the velocities S_i.
@@ -151,7 +154,7 @@ def inertia_matrix(bodies: Bodies, s: JointAxes, parents: Sequence[int]) -> Matr
 
 
 def bias_forces(bodies: Bodies, s: JointAxes, parents: Sequence[int], dq: Vector, gravity: Float[Array, "3"]) -> Vector:
-    """Return `C q̇ + G`, [n], by recursive Newton-Euler: the torques for zero joint acceleration.
+    """Return `C q̇ + G`, [n], by recursive Newton-Euler: the torques for zero joint acceleration, N m or N.
 
     - `bodies`: links about the base's origin.
     - `s`: velocity of each link for a unit velocity of its joint.
@@ -246,8 +249,8 @@ class Articulated(AbstractRobot):
 
     Each joint turns about, or slides along, the z axis of its frame; `rotations` and `translations` are that frame in
     its parent's frame at position 0. M comes from the composite-rigid-body algorithm, with the rotors' armature on its
-    diagonal, and the bias from recursive Newton-Euler (Featherstone, 2008). Friction is `F = f_c tanh(q̇/v_s) + f_v q̇`
-    with `coulomb`, `smoothing` and `viscous`.
+    diagonal, and the bias from recursive Newton-Euler (Featherstone, *Rigid Body Dynamics Algorithms*, 2008). Friction
+    is `F = f_c tanh(q̇/v_s) + f_v q̇` with `coulomb`, `smoothing` and `viscous`.
 
     `slidax.arms.panda()` and the other built-in arms, `from_urdf`, `from_mjcf` and `assemble` return such arms. Each
     physical parameter is a leaf of the pytree, so `jax.vmap` can vary it. `Mismatch` derives the true arm from a
@@ -265,14 +268,14 @@ class Articulated(AbstractRobot):
     smoothing: Scalar = parameter("v_s, width of Coulomb friction's smoothed sign change", "rad/s or m/s", "> 0")
     gravity_vector: Float[Array, "3"] = parameter("acceleration of gravity in the base frame", "m/s²")
     tip_rotation: Float[Array, "3 3"] = parameter("the tip's axes in the frame of the joint that carries it")
-    tip_translation: Float[Array, "3"] = parameter("the tip's position in that frame", "m")
+    tip_translation: Float[Array, "3"] = parameter("the tip's position in the frame of the joint that carries it", "m")
     payload: Payload = piece("payload at the tip")
     limits: JointLimits = piece("joint limits from the data sheet; the equations of motion ignore them")
     name: str = piece("name of the arm, for messages and figures", static=True)
     joint_names: tuple[str, ...] = piece("names of the joints", static=True)
-    link_names: tuple[str, ...] = piece("names of the links that they move", static=True)
+    link_names: tuple[str, ...] = piece("names of the links that the joints move", static=True)
     parents: tuple[int, ...] = piece(
-        "index of each joint's parent, -1 for the base; always less than its own", static=True
+        "index of each joint's parent, less than the joint's own; -1 for the base", static=True
     )
     tip_joint: int = piece("index of the joint that carries the tip", static=True)
     joint_units: tuple[str, ...] = piece('"rad" or "m" for each joint', static=True)
@@ -286,7 +289,9 @@ class Articulated(AbstractRobot):
         for field in ("joint_names", "link_names", "parents"):
             entries = getattr(self, field)
             if len(entries) != n:
-                raise DefinitionError(f"`{field}` of {self.name} must be {n}, as many as `joint_units`; got {entries}")
+                raise DefinitionError(
+                    f"`{field}` of {self.name} must have {n} entries, as many as `joint_units`; got {entries}"
+                )
         if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
             raise DefinitionError(f"`parents` of {self.name} must be earlier joints or -1; got {self.parents}")
 
@@ -338,7 +343,7 @@ class Articulated(AbstractRobot):
 
     @property
     def revolute(self) -> tuple[bool, ...]:
-        """True for each revolute joint."""
+        """For each joint, True if it is revolute."""
         return tuple(unit == "rad" for unit in self.joint_units)
 
     def joint_frames(self, q: Vector) -> JointFrames:

@@ -17,15 +17,17 @@ from .joint import Joint, require_rigid
 from .rotations import rotation_about
 
 POSTURES = 3
+"""Number of random postures in which the inertia matrix is tested."""
 
 LEAST = 1e-12
-"""Least eigenvalue of a regular M that is scaled to a diagonal of 1; rounding of a singular one leaves about 1e-16."""
+"""Least eigenvalue of a regular inertia matrix with its diagonal scaled to 1; rounding gives a singular one 1e-16."""
 
 
 def require_regular_inertia(arm: Articulated) -> None:
-    """Raise DefinitionError if M is singular in all tested postures; name a joint that can move without moving mass.
+    """Raise DefinitionError if the inertia matrix is singular in all tested postures.
 
-    M is singular, for example, if two joints share an axis and no link between them has mass.
+    The message names a joint that can move without moving mass. The matrix is singular, for example, if two joints
+    share an axis and no link between them has mass.
     """
     least, joint = 0.0, 0
     for q in np.random.default_rng(0).uniform(-1.0, 1.0, (POSTURES, arm.joints)):
@@ -44,9 +46,10 @@ def require_regular_inertia(arm: Articulated) -> None:
 
 
 def _inertia_matrix(arm: Articulated, q: np.ndarray) -> np.ndarray:
-    """Return the inertia matrix `Σ m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω` in a posture [n n].
+    """Return the inertia matrix in a posture [n n]: `Σ (m Jᵥᵀ Jᵥ + J_ωᵀ I J_ω)` over the links, plus the armature.
 
-    In NumPy, since JAX would compile a program for each operation of a new arm.
+    Jᵥ and J_ω are the Jacobians of a link's centre of mass and of its rotation. In NumPy, since JAX would compile a
+    program for each operation of a new arm.
     """
     rotations, translations = np.asarray(arm.rotations), np.asarray(arm.translations)
     centers, inertias, masses = np.asarray(arm.centers), np.asarray(arm.inertias), np.asarray(arm.masses)
@@ -116,12 +119,12 @@ def assemble(
     dropped. The remaining joints keep their order, except that each comes after its parent.
 
     - `joints`: joints in any order.
-    - `tip`: name of the link whose frame is the tip; it may be behind fixed joints.
+    - `tip`: name of the link whose frame is the tip; fixed joints may carry it.
     - `locked`: positions of joints that do not move, rad or m.
     - `gravity`: acceleration in the base frame [3], m/s².
 
-    Raises DefinitionError, naming joint or link, if the joints do not form a tree, a name is unknown, or a moving link
-    has no mass.
+    Raises DefinitionError, naming joint or link, if the joints do not form a tree, a name is unknown, a locked position
+    is outside its limits, no joint moves the tip, a joint moves no mass, or no rigid body has a link's inertia.
     """
     locked = dict(locked or {})
     ordered = _in_order(joints)
@@ -191,7 +194,7 @@ def _check_locked(locked: Mapping[str, float], joints: Sequence[Joint]) -> None:
     by_name = {joint.name: joint for joint in joints if joint.kind != "fixed"}
     for name, position in locked.items():
         if name not in by_name:
-            raise DefinitionError(f"`locked` names joint `{name}`, which does not move; {nearest_word(name, by_name)}")
+            raise DefinitionError(f"`locked` names `{name}`, which is no moving joint; {nearest_word(name, by_name)}")
         joint = by_name[name]
         if not (math.isfinite(position) and joint.lower - 1e-9 <= position <= joint.upper + 1e-9):
             raise DefinitionError(

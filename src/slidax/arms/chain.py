@@ -51,10 +51,12 @@ class PlacedTool(NamedTuple):
 class KinematicChain:
     """The joints that move a robot's tip; each turns about, or slides along, the z axis of its frame.
 
-    - `joints`: indices of the joints that move the tip [c].
-    - `rotations`, `translations`: each joint's frame in the previous frame, at position 0 [c 3 3], [c 3].
-    - `rotation`, `translation`: the tool's frame in the last joint's frame [3 3], [3].
-    - `lower`, `upper`: position limits of all joints, infinite if there are none [n].
+    - `names`, `units`: names of the robot's n joints, and "rad" or "m" for each.
+    - `joints`: indices of the c joints that move the tip, from the base on.
+    - `rotations`, `translations`: frames of these c joints, each in the previous frame at position 0 [c 3 3], [c 3], m.
+    - `revolute`: for each of these c joints, True if it is revolute.
+    - `rotation`, `translation`: the tool's frame in the last joint's frame [3 3], [3], m.
+    - `lower`, `upper`: position limits of all n joints, rad or m; infinite if there are none.
     """
 
     name: str
@@ -103,7 +105,10 @@ class KinematicChain:
         return PlacedTool(x, y, z, position, tuple(axes))
 
     def frame(self, q: Array) -> tuple[Array, Array]:
-        """Return the tool's axes, as columns, and its position in the base frame, [... 3 3] and [... 3], m."""
+        """Return the tool's axes, as columns, and its position in the base frame, [... 3 3] and [... 3], m.
+
+        - `q`: positions of all joints [... n], rad or m.
+        """
         tool = self.tool([np.asarray(q, float)])
         return np.stack([tool.x[0], tool.y[0], tool.z[0]], axis=-1), tool.position[0]
 

@@ -17,11 +17,12 @@ from .articulated import Articulated
 
 
 class Coupled(AbstractRobot):
-    """An arm in which some joints follow others: `q_a = S q + s₀`, where q are the leaders' positions.
+    """An arm of m joints in which some follow others: `q_a = S q + s₀`.
 
-    S is constant with one entry in each row: the ratio of a joint's velocity to its leader's, 1 for a leader. M_a, C_a,
-    G_a and F_a belong to `arm`, whose joints are all independent. So `M = Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are
-    `Sᵀ` times those of `arm` at `S q + s₀`, `S q̇`. Torques act on the leaders; followers have no drives.
+    q_a are the positions of all joints, q those of the n leaders. S is constant with one entry in each row: the ratio
+    of a joint's velocity to its leader's, 1 for a leader. M_a, C_a, G_a and F_a belong to `arm`, whose joints are all
+    independent. So `M = Sᵀ M_a(S q + s₀) S`, and `C q̇ + G` and F are `Sᵀ` times those of `arm` at `S q + s₀`, `S q̇`.
+    Torques act on the leaders; followers have no drives.
 
     `from_urdf` returns one for a file with `<mimic>`; `couple` derives one from an articulated arm.
     """
@@ -43,7 +44,10 @@ class Coupled(AbstractRobot):
                 f"{self.arm.name}; got {', '.join(map(str, sizes))}"
             )
         if set(self.leaders) != set(range(n)) or len(self.joint_units) != n:
-            raise DefinitionError(f"`leaders` must name each of the {n} leading joints; got {self.leaders}")
+            raise DefinitionError(
+                f"`leaders` must contain the index of each of the {n} leading joints, and `joint_units` {n} units; got "
+                f"{self.leaders} and {self.joint_units}"
+            )
 
     @property
     def name(self) -> str:
@@ -79,7 +83,7 @@ class Coupled(AbstractRobot):
         return self.ratios * dq[np.asarray(self.leaders)]
 
     def mass(self, q: Vector) -> Matrix:
-        """Return `Sᵀ M_a S`, [n n], kg m², kg m, kg."""
+        """Return `Sᵀ M_a S`, [n n], kg m², or with prismatic joints also kg m and kg."""
         s = self._ratio_matrix()
         half = jnp.sum(s[:, :, None] * self.arm.mass(self.positions(q))[:, None, :], axis=0)
         return jnp.sum(half[:, :, None] * s[None], axis=1)
@@ -115,7 +119,8 @@ def couple(arm: Articulated, following: Mapping[str, tuple[str, float, float]]) 
 
     A leader's range and velocity limit are reduced to keep its followers within theirs; its torque limit is unchanged.
 
-    - `following`: by follower name, the leader's name, the ratio, and the follower's position at leader position 0.
+    - `following`: by follower's name, the leader's name, the ratio of their velocities, and the follower's position at
+      leader position 0, rad or m.
 
     Raises DefinitionError if a name is not a joint of the arm, a leader is a follower, a ratio is 0 or not finite, or a
     follower's range excludes its leader's.

@@ -127,9 +127,9 @@ class Helix(AbstractCurve):
 
     s is the curve parameter in [0, 1], and R(a, x) the rotation about a by the angle x.
 
-    - `rotation`, `position`: R_0 [3 3] and p_0 [3], m.
+    - `rotation`, `position`: the pose at s = 0, R_0 [3 3] and p_0 [3], m.
     - `shift`: d [3], m.
-    - `center`: c, a point of the axis [3], m.
+    - `center`: c, a point on the axis of the rotation by φ [3], m.
     - `axis`, `angle`: unit vector a [3], and φ, rad.
     - `spin_axis`, `spin`: unit vector b [3], and ψ, rad.
     """
@@ -155,8 +155,8 @@ class Helix(AbstractCurve):
 class Spline(AbstractCurve):
     """Polynomials for the position and for a quaternion, which is then normalised.
 
-    - `knots`: from 0 to 1 [k].
-    - `coefficients`: position and quaternion in powers of `s - knots[i]`, highest first [powers k-1 7].
+    - `knots`: curve parameters, increasing from 0 to 1 [k].
+    - `coefficients`: position [m] and quaternion in powers of `s - knots[i]`, highest first [powers k-1 7].
     """
 
     knots: Array
@@ -205,7 +205,7 @@ def _rotate(axis: Array, angle: Series, vector: Array) -> Series:
 
 
 def _axes(quaternion: Series) -> tuple[Series, Series, Series]:
-    """Columns of the rotation matrix of a quaternion."""
+    """Return the columns of a unit quaternion's rotation matrix, Taylor series of vectors."""
 
     def columns(a: Array, b: Array) -> Array:
         w, x, y, z = (a[..., k] for k in range(4))

@@ -41,8 +41,8 @@ SEED, DRAWN = 0, 8
 class PoseTask:
     """Inverse kinematics as an optimisation: minimise `½ Σ ((q - q_0)/w)²` with the tool at its target.
 
-    A logarithmic barrier keeps a redundant arm's joints inside their limits. The posture is then a smooth function of
-    the tool's pose: a closed path of the tool gives a closed path of the joints.
+    A logarithmic barrier with zero slope at q_0 keeps a redundant arm's joints inside their limits. The posture is then
+    a smooth function of the tool's pose: a closed path of the tool gives a closed path of the joints.
 
     - `hold`: the prescribed tool coordinates, "place", "axis" or "pose", as in `inverse`.
     - `posture`: the preferred posture q_0 [n], rad or m.
@@ -198,6 +198,7 @@ def pose_error(
 
     - `rotation`, `position`: first pose [... 3 3], [... 3].
     - `other_rotation`, `other_position`: second pose.
+    - `hold`: the prescribed coordinates, as in `inverse`; the angle is 0 for "place".
     """
     distance: Array = np.linalg.norm(position - other_position, axis=-1)
     if hold == "place":
@@ -228,10 +229,7 @@ def least_motion(task: PoseTask, q: Array) -> Array:
 
 
 def task_rank(task: PoseTask) -> int:
-    """Return how many of the prescribed tool coordinates the joints can move.
-
-    This is the Jacobian's largest rank at 8 random postures.
-    """
+    """Return the number of tool coordinates that the joints can move: the Jacobian's largest rank at 8 postures."""
     postures = task.posture + np.random.default_rng(SEED).uniform(-1.0, 1.0, (DRAWN, task.posture.size))
     return int(np.linalg.matrix_rank(jacobian(task, postures), tol=1e-6).max())
 
@@ -331,7 +329,8 @@ def inverse(
       position and orientation.
     - `posture`: preferred posture [n]; the start by default.
 
-    Raises DefinitionError, with the nearest pose, if the search finds no posture.
+    Raises DefinitionError if `start` is outside the limits, `posture` is not inside those of a redundant arm, or the
+    search finds no posture; the message then states the smallest error.
     """
     require_hold(hold)
     chain = kinematic_chain(robot)
@@ -390,7 +389,7 @@ def require_hold(hold: str) -> None:
 def pose_task(chain: KinematicChain, posture: Array, hold: HeldCoordinates, damping: float = 0.0) -> PoseTask:
     """Return the task for a preferred posture [n], with joint limits if the arm is redundant.
 
-    Raises DefinitionError if the posture is outside a limit.
+    Raises DefinitionError if the arm is redundant and the posture is not strictly inside the limits.
     """
     lower, upper = chain.lower, chain.upper
     half = 0.5 * (upper - lower)
@@ -403,8 +402,8 @@ def pose_task(chain: KinematicChain, posture: Array, hold: HeldCoordinates, damp
     if outside.any():
         joint = int(np.argmax(outside))
         raise DefinitionError(
-            f"`posture` must be within the joint limits: {chain.names[joint]} is at {posture[joint]:.4g}, "
-            f"its limits are {lower[joint]:.4g} and {upper[joint]:.4g}"
+            f"`posture` (by default the start) must be strictly inside the joint limits: {chain.names[joint]} is at "
+            f"{posture[joint]:.4g}, its limits are {lower[joint]:.4g} and {upper[joint]:.4g}"
         )
     return replace(free, lower=lower, upper=upper)
 

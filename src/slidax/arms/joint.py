@@ -65,12 +65,12 @@ def is_rigid(inertia: np.ndarray) -> bool:
 def nearest_rigid(inertia: np.ndarray) -> np.ndarray:
     """Return the nearest inertia [3 3] that a rigid body can have, kg m².
 
-    A body of mass density ρ has the second moments `Σ = ∫ρ x xᵀ dV`, which are positive semi-definite, and `I = tr(Σ) 1
-    - Σ`, so `Σ = ½ tr(I) 1 - I`. Each positive semi-definite Σ belongs to some body. The nearest Σ in the Frobenius
-    norm is the projection on these matrices: its negative eigenvalues become 0 (Higham, *Computing a nearest symmetric
-    positive semidefinite matrix*, 1988). The axes stay. With unchanged mass and centre of mass this is also the
-    projection of the pseudo-inertia `[Σ 0; 0 m]` (Wensing, Kim and Slotine, *Linear matrix inequalities for physically
-    consistent inertial parameter identification*, RA-L 2018).
+    About its centre of mass a body of density ρ has the second moments `Σ = ∫ρ x xᵀ dV`, which are positive
+    semi-definite, and the inertia `I = tr(Σ) 1 - Σ`, so `Σ = ½ tr(I) 1 - I`. Each positive semi-definite Σ belongs to
+    some body. The nearest Σ in the Frobenius norm is the projection on these matrices: its negative eigenvalues become
+    0 (Higham, *Computing a nearest symmetric positive semidefinite matrix*, 1988). The principal axes stay. With
+    unchanged mass and centre of mass this is also the projection of the pseudo-inertia `[Σ 0; 0 m]` (Wensing, Kim and
+    Slotine, *Linear matrix inequalities for physically consistent inertial parameter identification*, RA-L 2018).
     """
     moments, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
     kept = np.maximum(moments, 0.0)
@@ -91,7 +91,7 @@ class Joint:
     - `rotation`, `translation`: the link's frame in the parent link's frame, at position 0 [3 3], [3], m.
     - `axis`: joint axis in the link's frame [3]; unused for a fixed joint.
     - `mass`: mass of the link, kg.
-    - `center`: centre of mass [3], m.
+    - `center`: centre of mass, in the link's frame [3], m.
     - `inertia`: about the centre of mass, in the link's axes [3 3], kg m².
     - `lower`, `upper`: position limits, rad or m.
     - `velocity`, `torque`, `torque_rate`: limits, rad/s or m/s, N m or N, N m/s or N/s.

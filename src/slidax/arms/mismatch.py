@@ -21,8 +21,8 @@ from .coupled import Coupled
 class TimedPayload(AbstractPart):
     """The tip carries `payload` for `attached <= t < released`.
 
-    Joint velocities are continuous: at pick-up the payload already has the tip's velocity, for example 0, and at
-    release it keeps it.
+    Joint velocities are continuous: just before it is attached, the payload already has the tip's velocity, for
+    example 0, and it has the tip's velocity when it is released.
     """
 
     payload: Payload = piece("the payload")
@@ -52,9 +52,9 @@ Arm = TypeVar("Arm", bound=Articulated | Coupled)
 class Mismatch(AbstractPart):
     """The true arm: the nominal one with other masses, other friction, and a payload at its tip.
 
-    With a `mass_factor` of 0.85 the arm is 15 % lighter than its model. Friction and rotor inertia replace those of the
-    nominal arm; fields that are None keep its values. At the end `inertial` is added to the inertial parameters of each
-    link, which for the last link include those of the nominal arm's payload.
+    With a `mass_factor` of 0.85 the arm's links are 15 % lighter than in its model. Friction and rotor inertia replace
+    those of the nominal arm; a field that is None keeps the nominal value. `inertial` is added last. The inertial
+    parameters of the link with the tip then include those of the nominal arm's payload.
     """
 
     title = "Differences between the true arm and its nominal model."
@@ -68,7 +68,7 @@ class Mismatch(AbstractPart):
     armature: PerJoint | None = parameter("rotor inertias at the joints", "kg m² or kg", ">= 0", default=None)
     inertial: Float[Array, "m n"] | None = parameter(
         "change of each joint's inertial parameters, as rows: mass, mass times centre (x, y, z), inertia about the "
-        "joint's origin (xx, yy, zz, xy, xz, yz), rotor; the last link includes the tip's permanent payload",
+        "joint's origin (xx, yy, zz, xy, xz, yz), rotor inertia; the link with the tip includes its permanent payload",
         "kg, kg m, kg m²",
         default=None,
     )
@@ -77,7 +77,8 @@ class Mismatch(AbstractPart):
     def applied(self, nominal: Arm) -> Arm:
         """Return the true arm for a nominal one, without the payload `load`, which changes during a run.
 
-        Raises DefinitionError unless each list has an entry for each joint, also for those that follow another joint.
+        Raises DefinitionError unless each list has an entry for each joint, also for those that follow another joint,
+        and `inertial` has 11 rows.
         """
         if isinstance(nominal, Coupled):
             return eqx.tree_at(lambda coupled: coupled.arm, nominal, self._true(nominal.arm))

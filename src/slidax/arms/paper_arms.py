@@ -27,7 +27,7 @@ def _point_masses(
     """Return a chain with one point mass for each link.
 
     - `turns`, `places`: each joint's axes and position in the previous joint's frame [n 3 3], [n 3].
-    - `centers`: positions of the masses; the last is also that of the tip [n 3].
+    - `centers`: position of each mass in its joint's frame; the last is also the tip's [n 3].
     - `armature`: rotor inertias [n].
     - `down`: direction of gravity [3].
     """
@@ -66,8 +66,8 @@ class TwoLink(AbstractRobot):
     `G = [(m1 + m2) l1 g cos q1 + m2 l2 g cos(q1 + q2), m2 l2 g cos(q1 + q2)]`.
 
     Source: the benchmark arm that the paper cites as [45] and does not print; this is its standard form. The
-    eigenvalues of `M⁻¹`, 0.089 to 0.197 for the paper's parameters, explain its bounds 0.09 and 0.2. `I1` and `I2` are
-    on the diagonal only, so they act as inertias that rotate with their own joint.
+    eigenvalues of `M⁻¹`, 0.089 to 0.197 for the paper's parameters, explain the paper's bounds 0.09 and 0.2. `I1` and
+    `I2` are on the diagonal only, so they act like rotor inertias of their joints.
     """
 
     title = "The planar two-link arm of Example 4.1."
@@ -142,8 +142,8 @@ class Scara(AbstractRobot):
     `M = [a + 2c cos q2 + b, b + c cos q2, 0; b + c cos q2, b, 0; 0, 0, m3]`,
     `C = [-c sin(q2) q̇2, -c sin(q2) (q̇1 + q̇2), 0; c sin(q2) q̇1, 0, 0; 0, 0, 0]`, `G = [0, 0, -m3 g]`.
 
-    Identified, not sourced: the paper cites its model as [46] and does not print it. Among some 35 tested variants,
-    this arm fits the printed results best.
+    Identified, not sourced: the paper cites the arm's model as [46] and does not print it. Among some 35 tested
+    variants, this arm fits the printed results best.
     """
 
     title = "The three-joint arm of Example 4.2: two revolute joints and a prismatic one."
@@ -193,7 +193,7 @@ class Scara(AbstractRobot):
         return jnp.array([[c, -s, zero], [s, c, zero], [zero, zero, unit]]), self.tip(q)
 
     def rigid_links(self) -> Articulated:
-        """Return the same arm as an `Articulated` chain of rigid links."""
+        """Return the same arm as an `Articulated` chain of rigid links, but with the z axis of the tip's frame down."""
         l1, l2 = self.lengths
         turns = jnp.array([jnp.eye(3), jnp.eye(3), jnp.diag(jnp.array([1.0, -1.0, -1.0]))])
         places = jnp.array([[0.0, 0.0, 0.0], [l1, 0.0, 0.0], [l2, 0.0, 0.0]])

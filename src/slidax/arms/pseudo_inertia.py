@@ -10,7 +10,7 @@ SWEEPS = 6
 """Jacobi sweeps; a symmetric 4 x 4 matrix is diagonal to rounding after five."""
 
 Body = Float[Array, "10"]
-"""Mass, mass times centre (x, y, z), inertia about the origin (xx, yy, zz, xy, xz, yz)."""
+"""Mass [kg], mass times centre (x, y, z) [kg m], inertia about the origin (xx, yy, zz, xy, xz, yz) [kg m²]."""
 
 
 def pseudo_inertia(body: Body) -> Float[Array, "4 4"]:
@@ -71,7 +71,7 @@ def eigen(matrix: Float[Array, "4 4"]) -> tuple[Float[Array, "4"], Float[Array, 
 
 
 def _rotated(a: Array, vectors: Array, first: int, second: int) -> tuple[Array, Array]:
-    """Return both matrices after the Jacobi rotation that makes `a[first, second]` zero."""
+    """Return `a` and `vectors` after the Jacobi rotation that makes `a[first, second]` zero."""
     off, gap = a[first, second], a[second, second] - a[first, first]
     size = jnp.abs(gap) + jnp.sqrt(gap * gap + 4.0 * off * off)
     tangent = jnp.where(gap >= 0, 2.0, -2.0) * off / jnp.where(size > 0, size, 1.0)

@@ -11,7 +11,7 @@ from .curves import Array
 
 
 def rotation_by_roll_pitch_yaw(angles: Sequence[float | int]) -> np.ndarray:
-    """Return the axes [3 3] of a frame rotated about the fixed axes x, y and z, in this order, by angles in rad."""
+    """Return the rotation matrix [3 3] for roll, pitch, yaw [rad]: turns about the fixed axes x, y, z in this order."""
     roll, pitch, yaw = (float(angle) for angle in angles)
     cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return np.array(
@@ -44,7 +44,7 @@ def matrix_of(quaternion: Array) -> Array:
 def quaternion_of(rotation: Array) -> Array:
     """Return the unit quaternion w, x, y, z with w >= 0 [4] of a rotation matrix [3 3]."""
     r = rotation
-    # Four times the products of the components: the row of the largest component loses the fewest digits.
+    # Each row is 4 times one component times all components; the row of the largest component loses the fewest digits.
     squares = np.array(
         [
             [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
@@ -69,6 +69,6 @@ def axis_and_angle(rotation: Array) -> tuple[Array, float]:
 
 def angle_between(first: Array, second: Array) -> Array:
     """Return the angle of the rotation between two orientations [... 3 3], rad."""
-    # |R - S|² = 8 sin²(a/2) in the Frobenius norm keeps the digits of a small angle.
+    # With the angle a, the difference has the Frobenius norm √8 sin(a/2), which keeps the digits of a small angle.
     half_sine = np.sqrt(np.sum((first - second) ** 2, axis=(-2, -1)) / 8.0)
     return 2.0 * np.arcsin(np.minimum(half_sine, 1.0))

@@ -5,8 +5,8 @@ margin, the assumptions and their grade, and remedies. A certificate covers all 
 set, or names what it does not cover.
 
 `motion` bounds the tracking error along a motion of an arm that is known to within a set, `arm` the torques and
-inertias of all members, and `printed` has the continuous-time guarantees of laws in printed form. `statistical.py`
-bounds the failure rate from random runs.
+inertias of all members, and `printed` certifies laws in the form that the paper prints (Nonlinear Dynamics 2022,
+doi 10.1007/s11071-022-07650-w). `statistical.py` bounds the failure rate from random runs.
 
 Read first: `certificate.py`, `certify.py`, `motion/admission.py`.
 """

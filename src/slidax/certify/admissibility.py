@@ -22,16 +22,16 @@ from .uncertainty_set import StartBox, start_box
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
-READS = ("scheme", "trajectory", "start", "robot.nominal", "simulation")
+READS = ("scheme", "trajectory", "start", "robot", "actuator", "simulation")
 
 
 @certificate(NAME, TITLE, covers=(*ARM, INERTIAL_PATH, "sensor", "actuator"), reads=READS)
 def admissibility(scenario: Scenario) -> Verdict:
-    """Check the parameters' ranges, that each start is inside the envelope, and the motion's positions and speeds.
+    """Check the parameters' ranges, that each start is inside the envelope, and the motion against the arm's limits.
 
     The ranges are those of the paper's (20) and (29)-(47), and the envelope is `bρ(0) < e(0) < b̄ρ(0)` (12) with the
-    radius ρ, and b and b̄ for its two sides. A scenario cannot be built with a parameter outside its own range. This
-    certificate checks the parameters together with the arm, its motion and its uncertainty.
+    radius ρ, and factors b < 0 < b̄ for its two sides. A scenario cannot be built with a parameter outside its own
+    range. This certificate checks the parameters together with the arm, its motion and its uncertainty.
     """
     start, inside = _start(scenario)
     assumptions = [*_parameters(scenario), *inside, *_limits(scenario), _torque(scenario)]
@@ -55,7 +55,7 @@ def admissibility(scenario: Scenario) -> Verdict:
 
 
 class _Start:
-    """Errors of all starts of the set at t = 0.
+    """Errors of all starts of the uncertainty set at t = 0.
 
     - `error`: largest |e|, [n], rad or m.
     - `share`: largest |e| relative to the envelope's bound on the same side, [n].
@@ -112,7 +112,7 @@ def _parameters(scenario: Scenario) -> list[Assumption]:
     if isinstance(law, SlidingMode) and printed is not None and getattr(printed.reaching, "gain", None) is not None:
         gain = np.asarray(printed.reaching.gain)
         if gain.ndim == 2 and np.any(gain != np.diag(np.diag(gain))):
-            text = "K0 is symmetric positive definite (43); with a K0 that is not diagonal Sig^r(s) may drive s away"
+            text = "K0 is symmetric positive definite (43); since it is not diagonal, Sig^r(s) may drive s away from 0"
             assumptions.append(Assumption(text, "assumed"))
     return assumptions
 

@@ -20,10 +20,10 @@ from .uncertainty_set import family_of, to_canonical
 Status = Literal["proved", "tested", "assumed", "fails"]
 """Status of an assumption.
 
-- `proved`: follows from the definitions for the whole set, up to floating-point rounding, with the value used.
-- `tested`: computed for finitely many members, times or cases, which the text names.
+- `proved`: follows from the definitions for the whole uncertainty set, up to floating-point rounding.
+- `tested`: computed for finitely many members of the set, times or cases, which the text names.
 - `assumed`: not checked.
-- `fails`: tested, and violated.
+- `fails`: violated.
 """
 
 Grade = Literal["A", "B", "C"]
@@ -35,7 +35,7 @@ class Assumption:
     """An assumption of a guarantee.
 
     - `text`: the assumption as a sentence, with the tested cases if there are any.
-    - `value`: the computed value, if there is one.
+    - `value`: a number computed for it, such as the ratio of a bound to its limit; None if there is none.
     """
 
     text: str
@@ -49,10 +49,10 @@ class Verdict:
 
     - `title`: short form of the guarantee, for a table.
     - `holds`: None if the certificate does not apply; `statement` has the reason.
-    - `margin`: distance to the allowed value, relative to it; positive if the guarantee holds, None if not a number.
+    - `margin`: distance to the allowed value, relative to it; >= 0 if the guarantee holds, None without such a value.
     - `bound`: bounds by name, scalars or one value per joint, in SI units.
     - `statement`: the guarantee as a sentence with units and equation.
-    - `remedies`: the smallest changes with which the guarantee would hold, best first; empty if it holds.
+    - `remedies`: proposed changes with which the guarantee may hold, best first; empty if it holds.
     - `since`: time from which the guarantee holds, s; None for the whole run, or if it does not hold.
     """
 
@@ -117,7 +117,10 @@ def joint_values(values: Any) -> str:
 Options = ParamSpec("Options")
 
 ARM = ("robot", "disturbance", "start")
-"""Blocks of an uncertainty set that every certificate of an arm covers."""
+"""Blocks of an uncertainty set that every certificate except `tracking_bound` and `statistical` covers.
+
+The band of inertial parameters under `robot` counts only if a certificate names it.
+"""
 
 WORLD = ("robot", "trajectory", "start", "disturbance", "actuator")
 """Blocks of a scenario that define the controlled system and its motion, not the law."""
@@ -173,7 +176,7 @@ class Certificate(Generic[Options]):
             )
         drives = scenario.description.actuator
         if drives.map or drives.true_map:
-            return "not applicable: no certificate covers a map of the drives; `statistical` tests `actuator.true_map`"
+            return "not applicable: no certificate covers `actuator.map` or `actuator.true_map`; `statistical` does"
         own = family_of(scenario)
         families = [to_canonical(family) for family in other_sets] or ([] if own is None else [own])
         blocks = {

@@ -30,7 +30,7 @@ def _demand(scenario: Scenario) -> Demand:
 
 
 def _with_demand(certificate: Certificate[...]) -> Certificate[...]:
-    """Return the certificate with the scenario's `Demand` as its argument; it is computed once for all certificates."""
+    """Return the certificate with the scenario's `Demand` as its argument. The demand is computed once per scenario."""
 
     @wraps(certificate.judge)
     def judge(scenario: Scenario) -> Verdict:
@@ -119,7 +119,7 @@ def certify(
     - `runs`: number of runs of the statistical certificate; 0 leaves it out.
     - `seed`: seed of these runs.
     - `known`: verdicts of this scenario that were computed before; they are returned unchanged.
-    - `begin`: called before each certificate with its name and the number of certificates.
+    - `begin`: called before each certificate that is computed, with its name and the number of all certificates.
 
     Raises DefinitionError if the scenario was changed in Python and no longer agrees with its description, if its block
     `uncertainty` is invalid, or if JAX computes with 32 bits.

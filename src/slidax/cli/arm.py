@@ -95,7 +95,7 @@ def excite(
     share: Annotated[float, typer.Option(help="Largest share of the arm's limits that the motion uses.")] = 0.8,
     acceleration: Annotated[
         float | None,
-        typer.Option(help="Acceleration limit [rad/s²]; default: 3/s times the velocity limit."),
+        typer.Option(help="Acceleration limit [rad/s² or m/s²]; default: 3/s times the velocity limit."),
     ] = None,
     payload: Annotated[float, typer.Option(help="Largest payload [kg] that the torque limits must allow.")] = 0.0,
     links: Annotated[bool, typer.Option("--links", help="Excite the links' inertial parameters, too.")] = False,
@@ -214,7 +214,9 @@ def identify(
     gravity: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for a mounted arm; `identify` finds its direction."
+            metavar="X,Y,Z",
+            help="Gravity in the base frame [m/s²], for an arm on a wall or ceiling; the word `identify`: find its "
+            "direction from the log.",
         ),
     ] = None,
     inertias: Inertias = None,
@@ -223,7 +225,7 @@ def identify(
         str, typer.Option(help="s, ms, us, ns, or seconds per unit, such as 0.004.", rich_help_panel=UNITS)
     ] = "s",
     position_unit: Annotated[
-        str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm.", rich_help_panel=UNITS)
+        str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm; default: rad,m.", rich_help_panel=UNITS)
     ] = None,
     position_sign: Annotated[
         str | None, typer.Option(metavar="LIST", help="1 or -1 for each joint.", rich_help_panel=UNITS)

@@ -75,7 +75,7 @@ def _shown(default: Any) -> str:
 def studio(
     scenario: Annotated[str, typer.Argument(help="Scenario to open: a built-in one by name, or a YAML file.")] = "",
     folder: Annotated[Path, typer.Option(help="Folder to read and write.")] = Path(),
-    port: Annotated[int | None, typer.Option(help="Port; 0 is any free one.", min=0, max=65535)] = None,
+    port: Annotated[int | None, typer.Option(help="Port of the page; 0: any free port.", min=0, max=65535)] = None,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
 ) -> None:
     """Serve the studio on this machine: sliders, studies, design, certificates and export in the browser.

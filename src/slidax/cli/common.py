@@ -48,7 +48,7 @@ Engine = StrEnum("Engine", ["auto", "native", "xla", "cuda"])
 Tip = Annotated[str | None, typer.Option(help="Link, body or site of the tip, if a file has several ends.")]
 
 Gravity = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for a mounted arm.")
+    str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the base frame [m/s²], for an arm on a wall or ceiling.")
 ]
 
 Inertias = Annotated[
@@ -67,7 +67,8 @@ def named_arm(
 ) -> tuple[Any, dict[str, Any]]:
     """Return the arm that a command's options select, and its description as under `robot` in a scenario.
 
-    - `robot`, `tip`, `inertias`, `locked`, `gravity`: values of the options.
+    - `robot`: a built-in arm's name, or a file.
+    - `tip`, `inertias`, `locked`, `gravity`: values of the options, as their help texts describe them.
 
     Raises DefinitionError if there is no such arm, or an option does not fit it.
     """

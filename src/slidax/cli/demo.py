@@ -23,7 +23,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "CFTSMPPC as printed": {"scheme.sampled_data": None},
     "computed torque + PD": {"scheme.name": "computed_torque", "scheme.sampled_data": None},
 }
-"""The laws, and their changes to the scenario."""
+"""The compared laws by title, each with its changes to the scenario."""
 
 PLAYED = 1.5
 """Playing time of a run [s]."""

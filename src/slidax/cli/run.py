@@ -48,7 +48,7 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="Folder for a report, log and figures; or FILE.mcap for a log.")
     ] = None,
-    engine: Annotated[Engine | None, typer.Option(help="Engine; default: the scenario's.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="Simulation engine; default: the scenario's.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Replay the run in the browser, in three dimensions.")] = False,
     recording: Annotated[
         Path | None, typer.Option("--record", metavar="FILE.html", help="Write a replay in three dimensions as a page.")
@@ -136,7 +136,7 @@ def _sparse(parts: Scenario) -> int:
 
 
 def _require_log(parts: Scenario, log: Path) -> None:
-    """Fail before the run if it cannot be logged."""
+    """Raise a DefinitionError before the run if it cannot be logged as an MCAP file."""
     from slidax.export.loop_plans import arm_to_move, require_samples
     from slidax.runtime.logs.mcap_files import require_writer
 
@@ -180,7 +180,7 @@ def _print_cause(parts: Scenario, outcome: Outcome) -> str:
     from slidax.analysis.explain import likeliest_cause
 
     cause = likeliest_cause(parts, seconds=SECONDS)
-    # A run that went on outside its envelope has an outcome without a remedy.
+    # Only the outcome of a run that continued outside its envelope lacks a remedy.
     general = "" if outcome.beyond is None else "Allow more torque, or shorten the period."
     line = f"Most likely: {cause}" if cause else general
     if line:
@@ -189,7 +189,7 @@ def _print_cause(parts: Scenario, outcome: Outcome) -> str:
 
 
 def _require_views(view: bool, recording: Path | None) -> None:
-    """Fail before the run if a package is missing."""
+    """Raise a DefinitionError before the run if a package for replays is missing."""
     from slidax.report import replay as views
 
     if view:

@@ -43,7 +43,7 @@ def study(
     ] = None,
     runs: Annotated[int | None, typer.Option(help="Number of runs; default: the study's.", min=1)] = None,
     seed: Annotated[int | None, typer.Option(help="Random seed; default: the study's.", min=0)] = None,
-    engine: Annotated[Engine | None, typer.Option(help="Engine; default: the study's.")] = None,
+    engine: Annotated[Engine | None, typer.Option(help="Simulation engine; default: the study's.")] = None,
     case: Annotated[
         int | None,
         typer.Option(metavar="ROW", help="Compute nothing, and write this row of --out as the scenario case-ROW.yaml."),
@@ -283,10 +283,15 @@ def benchmark(
         list[str] | None,
         typer.Option(metavar="MODULE:NAME", help="A further scheme, by the name of its class or preset; repeatable."),
     ] = None,
-    form: Annotated[str, typer.Option(help="`sampled-data`, `printed` or `both`.")] = "both",
+    form: Annotated[
+        str,
+        typer.Option(help="`sampled-data` (made for the sample time), `printed` (as its source prints it) or `both`."),
+    ] = "both",
     budget: Annotated[int | None, typer.Option(help="Number of gain sets that the tuner tries.", min=1)] = None,
     processes: Annotated[int | None, typer.Option(help="Parallel processes; by default one per core.", min=1)] = None,
-    small: Annotated[bool, typer.Option("--small", help="A trial: few cases, short runs, hardly any tuning.")] = False,
+    small: Annotated[
+        bool, typer.Option("--small", help="Only try the command: few cases, short runs, hardly any tuning.")
+    ] = False,
     json: AsJson = False,
 ) -> None:
     """Benchmark all schemes on common tasks: tuned alike on some cases, judged on others by the same tolerance band.

@@ -116,7 +116,7 @@ def _say(console: Console, text: str, *, style: str = "", margin: str = "", hang
 
 
 def print_comparison(rivals: Mapping[str, Rival]) -> None:
-    """Print which schemes stay inside the envelope and which of those are best, then each scheme's metrics by joint.
+    """Print which schemes stay inside the envelope and which of these are best, then each scheme's metrics by joint.
 
     The least value of a row is bold, among the runs that reached their end. A narrow terminal gets several tables
     with some of the schemes each.
@@ -299,10 +299,18 @@ def print_admissions(
 
 
 def print_speeds(rows: Sequence[SpeedRow]) -> None:
-    """Print a table of error bounds: each row is for the same random motions in a workspace at another speed."""
+    """Print a table of error bounds [rad or m]; each row has the same random motions at another speed.
+
+    The column "certified" counts the motions with a bound within the final radius and the torque limits, and "torque
+    steps" those of them that also keep the torque rate limit.
+    """
     console = Console(markup=False, highlight=False)
     motions = count_noun(rows[0].motions, "motion")
-    console.print(f"Bound along {motions} from rest to rest between random postures, the worst joint of each:")
+    console.print(
+        f"Error bounds of the worst joint [rad or m], along {motions} from rest to rest between random postures. "
+        "`certified` motions have a bound within the final radius and keep the torque limits; `torque steps` counts "
+        "those of them that also keep the torque rate limit:"
+    )
     table = Table(box=None, pad_edge=False)
     for name in ("speed", "certified", "torque steps", "median", "largest", "mostly by"):
         table.add_column(name, justify="left" if name == "mostly by" else "right", overflow="fold")

@@ -1,8 +1,9 @@
 """Compile a pure JAX function to C99, machine code, a CUDA kernel or WebAssembly.
 
 `trace` converts the function to a `Program`, a list of scalar operations with loops and branches. `c_code` and
-`cuda_code` print it as source, and `compile` compiles it to machine code. Elementary functions such as sin are expanded
-into correctly rounded operations, so that the results of machine code, CUDA and WebAssembly are bitwise equal.
+`cuda_code` print it as source, and `compile` compiles it to machine code. For a closed loop, native code, the engine
+`cuda` and WebAssembly expand elementary functions such as sin into correctly rounded operations. Their results are then
+bitwise equal, if the browser has a fused multiply-add. `c_code` and `cuda_code` call the target's library instead.
 
 Read first: `ir.py`, then `trace/tracing.py`, `c/functions.py` and `llvm/kernel.py`.
 """

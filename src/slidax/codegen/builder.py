@@ -94,7 +94,7 @@ LARGEST = 4_000_000
 """Largest number of values in a program: about 250 bytes each, 1 GB in all."""
 
 LARGEST_CODE = 400_000
-"""Largest number of operations among them: LLVM then takes a minute and 2 GB."""
+"""Largest number of operations in a program: for so many, LLVM needs a minute and 2 GB."""
 
 
 class Builder:
@@ -105,6 +105,8 @@ class Builder:
     avoid an expensive operation.
 
     - `origin`: source location that is recorded for every value built from now on.
+
+    A method raises NotImplementedError if the program would exceed `LARGEST` values or `LARGEST_CODE` operations.
     """
 
     def __init__(self) -> None:
@@ -192,6 +194,8 @@ class Builder:
         - `condition`: function from the carried values to a truth value (b1).
         - `body`: function from the carried values to their successors, of the same types.
         - `iterations`: number of iterations if known; the first carried value must then count them from 0.
+
+        Raises TypeError if `body` changes the number or the types of the carried values.
         """
         head = Region("head", self.region)
         loop = Loop("loop", "none", tuple(carried), None, self.region, self._next(), self.origin)
@@ -216,6 +220,10 @@ class Builder:
         - `when`: truth value (b1).
         - `then`, `otherwise`: functions that add the operations of a side and return its results. Both sides must have
           equally many results, of the same types.
+
+        A constant `when`, or one that a surrounding branch has decided, adds only the chosen side.
+
+        Raises TypeError if the results of the sides differ in number or type.
         """
         known = when.data if when.op == "const" else self._decided(when)
         if known is not None:

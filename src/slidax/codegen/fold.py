@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Rule = Callable[["Builder", Type, tuple[Value, ...]], Value | None]
 """Map a builder, an operation's result type and its arguments to a simpler equal value; None if there is none."""
 
-# Without exp, log and other elementary functions, whose last digits in NumPy differ between machines.
+# Elementary functions such as exp are absent, since their last digits in NumPy differ between machines.
 _COMPUTE: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -98,7 +98,8 @@ def _shift(op: str, type: Type, number: int, distance: int) -> Number:
 def convert_number(number: Number, source: Type, target: Type) -> Number:
     """Return a Python number converted from the IR type `source` to `target`, as generated code does it.
 
-    From floats to integers it saturates, and NaN becomes 0. Between integers it wraps around.
+    A conversion from floats to integers rounds towards zero and saturates, and NaN becomes 0. A conversion between
+    integers wraps around.
     """
     if target == "b1":
         return bool(number)

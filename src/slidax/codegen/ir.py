@@ -85,8 +85,8 @@ class Value:
     - `type`: type of the result.
     - `args`: operands.
     - `data`: for "const", the number; for "input", the indices of the input and of the element; for "load" and "store",
-      the index of the input or output; for "param" and "result", the index of the carried value or result; None for
-      most operations.
+      the index of the input or output; for "param" and "result", the index of the carried value or result; for "copy",
+      a key that differs between copies of one value; None for other operations.
     - `region`: region in which it is computed.
     - `number`: unique, increasing in the order of construction.
     - `origin`: location in the Python source, as the tracer records it; None if it is not recorded.
@@ -111,7 +111,7 @@ class Loop(Value):
     - `head`: region that computes the condition and defines `params`.
     - `params`: carried values at the start of an iteration.
     - `condition`: b1; true if another iteration follows.
-    - `body`: a region inside the head.
+    - `body`: region inside the head that computes `following`.
     - `following`: carried values for the next iteration.
     - `iterations`: number of iterations, if known and equal for all runs of a batch; `params[0]` then counts them from
       0. Otherwise None.
@@ -143,8 +143,8 @@ class Branch(Value):
 class Call(Value):
     """A call of a function, which is a separate program that many calls share.
 
-    - `program`: the function, which has no logs. The call's `args` are the elements of all its inputs, input by input;
-      the call's results are the elements of all its outputs, output by output.
+    - `program`: the function, which has no logs (outputs written row by row). The call's `args` are the elements of all
+      inputs, input by input; the call's results are the elements of all outputs, output by output.
     """
 
     __slots__ = ("program",)
@@ -260,7 +260,11 @@ def regions(value: Value) -> tuple[Region, ...]:
 
 
 def uses(value: Value) -> tuple[Value, ...]:
-    """Return all IR values that a value directly needs: its arguments, and those that a loop or branch returns."""
+    """Return all IR values that a value directly needs.
+
+    These are its arguments; for a loop also the condition and the next carried values, for a branch also the results of
+    both sides.
+    """
     if isinstance(value, Loop):
         return (*value.args, value.condition, *value.following)
     if isinstance(value, Branch):
@@ -318,7 +322,10 @@ def _sources() -> bytes:
 
 
 class NoNativeCodeError(DefinitionError):
-    """A function uses an operation for which no machine code can be generated; JAX itself may be able to run it."""
+    """A function cannot become native code, for example because of one of its operations or data types.
+
+    JAX itself may be able to run the function.
+    """
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Passes over programs: copy with replaced values, fuse multiply-adds, bound the number of operations."""
+"""Passes over programs: copy with replaced values, fuse multiply-adds, bound the number of operations in a run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Rebuilding:
         self.functions = functions
         self.builder = Builder()
         self.new_values: dict[Value, Value] = {}
-        self.left: dict[Value, Sequence[Value]] = {}  # results of each block
+        self.left: dict[Value, Sequence[Value]] = {}  # results of each loop, branch and call
         self.inputs = [
             self.builder.input(entry.name, entry.type, entry.shape, varying=entry.varying).ravel()
             for entry in program.inputs
@@ -175,7 +175,7 @@ NO_OPERATIONS = OperationCount(0, 0)
 
 
 def count_operations(program: Program) -> OperationCount | None:
-    """Return a bound of the operations in a run: most iterations of each loop, and the longest side of each branch.
+    """Return an upper bound for a run: the most iterations of each loop, and the longest side of each branch.
 
     Returns None if a loop's number of iterations has no known bound.
     """
@@ -183,13 +183,16 @@ def count_operations(program: Program) -> OperationCount | None:
 
 
 def count_iterations(loop: Loop) -> int | None:
-    """Return the largest number of iterations of a loop that counts by one up to a constant; None for other loops."""
+    """Return the largest number of iterations of a loop that counts by one from a constant to a constant.
+
+    Returns None for other loops.
+    """
     bounds = [bound for condition in _all_of(loop.condition) if (bound := _count(loop, condition)) is not None]
     return min(bounds, default=None)
 
 
 def _all_of(condition: Value) -> Iterator[Value]:
-    """Yield the conditions that must all hold."""
+    """Yield the conditions that `condition` joins by `and`."""
     if condition.op == "and":
         for part in condition.args:
             yield from _all_of(part)

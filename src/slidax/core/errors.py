@@ -103,7 +103,8 @@ def locate_errors(where: str) -> Iterator[None]:
 def nearest_word(word: str, known: Iterable[str]) -> str:
     """Remedy for an unknown name, as text: "did you mean `...`?" with the most similar name, or all known names.
 
-    - `word`: the unknown name, in any case.
+    - `word`: the unknown name, in upper or lower case.
+    - `known`: all names that exist.
     """
     names, word = list(known), word[:LONGEST]
     by_small_letters = {name.lower(): name for name in names}
@@ -142,9 +143,9 @@ def count_noun(number: int, noun: str, plural: str = "") -> str:
 
 
 def percent(share: float) -> str:
-    """A share as a percentage of two digits without an exponent: "4.2 %", "61 %", "6338 %".
+    """A share as a percentage, rounded to two digits or to a whole number: "4.2 %", "61 %", "6338 %".
 
-    Near 100 % it has enough digits to show if the share is below or above 100 %: "99.97 %".
+    Near 100 % the text has enough digits to show if the share is below or above 100 %: "99.97 %".
 
     - `share`: 1 is 100 %.
     """
@@ -217,7 +218,7 @@ def require(owner: object, field: str, holds: Any, rule: str, *, finite: bool = 
 
     - `owner`: object with the field; the message names its class.
     - `field`: name of the field.
-    - `holds`: bool or array of bools, of the field's shape.
+    - `holds`: one bool, or one for each entry of the field; for a field of one number also one for each joint.
     - `rule`: the rule with its equation, for the message: "must be > 2 (eq. 20)".
     - `finite`: False to accept infinite values; NaN is never accepted.
     - `each`: noun in the message for one entry of a vector, "joint" or "entry".

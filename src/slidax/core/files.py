@@ -113,7 +113,7 @@ def parse_json(text: str, name: str) -> Any:
 
 
 def parse_integer(digits: str) -> int | float:
-    """Convert an integer literal of JSON to an int; from 31 digits on to a float, which is infinite from 310 on."""
+    """Convert an integer literal of JSON to an int, or to a float from 31 characters on; the float may be infinite."""
     return int(digits) if len(digits) <= 30 else float(digits)
 
 

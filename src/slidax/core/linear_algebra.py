@@ -80,10 +80,11 @@ def is_positive_definite(a: np.ndarray) -> bool:
 
 
 SQUARINGS = 10
+"""Number of repeated squarings in `inverse_norm`: its exponent is m = 2¹⁰."""
 
 
 def inverse_norm(a: Matrix) -> Scalar:
-    """`‖A⁻¹‖ = 1/λmin(A)`, with finite gradients also for repeated eigenvalues.
+    """Spectral norm `‖A⁻¹‖ = 1/λmin(A)`, with finite gradients also for repeated eigenvalues.
 
     A closed form for up to three rows. Its relative error is the rounding error times λmax/λmin, and for three rows
     1e-8 λmax/λmin if the two smallest eigenvalues are equal. From four rows on it is `(tr A⁻ᵐ)^(1/m)` with m = 1024 by

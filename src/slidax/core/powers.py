@@ -1,7 +1,8 @@
 """Power functions, saturations and norms with finite derivatives at zero.
 
 For exponents p below 1, the slope of `|x|^p sgn(x)` is infinite at 0. The power functions therefore replace it by
-another function in a core, `|x| < delta`.
+another function in a core, `|x| < delta`. Equation numbers are those of the paper, Nonlinear Dynamics (2022),
+doi 10.1007/s11071-022-07650-w.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ power.defjvp(_power_jvp, symbolic_zeros=True)
 def sig_and_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
     """`sig^a(x)` and its slope `a |x|^(a-1)`, eqs. (34), (35), by one power.
 
-    `sig^a(x) = |x|^a sgn(x)`, elementwise. Equation numbers are those of the paper.
+    `sig^a(x) = |x|^a sgn(x)`, elementwise.
 
     - `x`: any real array.
     - `a`: exponent > 1, broadcast with `x`.
@@ -59,8 +60,6 @@ def sig_and_slope(x: Float[Array, "..."], a: Float[Array, "..."]) -> tuple[Float
 
 def sig(x: Float[Array, "..."], a: Float[Array, "..."]) -> Float[Array, "..."]:
     """`sig^a(x) = |x|^a sgn(x)`, elementwise, eqs. (1), (2); its derivative at 0 is taken as 0 (true for a > 1).
-
-    Equation numbers are those of the paper.
 
     - `x`: any real array.
     - `a`: exponent > 0, broadcast with `x`.

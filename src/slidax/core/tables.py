@@ -15,7 +15,7 @@ LONGEST_LINE = 10**6
 """Most characters in a line."""
 
 SAMPLE = 100
-"""Lines from which the decimal sign is recognised."""
+"""Number of lines below the titles from which the decimal sign is recognised."""
 
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
 
@@ -85,7 +85,7 @@ def table_format(lines: Lines, name: str, example: str) -> TableFormat:
     - `name`: file name, for messages.
     - `example`: an example of the line with the titles, for messages.
 
-    Raises DefinitionError if there are no titles.
+    Raises DefinitionError if the table is empty or has no titles, or a line has unbalanced quotation marks.
     """
     comment: tuple[int, str] | None = None
     head: tuple[int, str] | None = None
@@ -129,8 +129,8 @@ def rows_of(lines: Lines, form: TableFormat, columns: Sequence[int], name: str) 
     - `columns`: indices of the chosen columns, from 0.
     - `name`: file name, for messages.
 
-    Raises DefinitionError if the number of entries in a line differs from the number of titles, or if a table with
-    decimal commas has a decimal point.
+    Raises DefinitionError if the number of entries in a line differs from the number of titles, if a table with decimal
+    commas has a decimal point, or if a line has unbalanced quotation marks.
     """
     count = len(form.titles)
     for number, line in lines:

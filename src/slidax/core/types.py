@@ -44,7 +44,7 @@ class State(eqx.Module):
     - `q`: positions [n], rad for a revolute joint, m for a prismatic one.
     - `dq`: velocities [n], rad/s or m/s; at rest if not given.
 
-    Raises DefinitionError if they are not numbers.
+    Raises DefinitionError for a list that contains anything but numbers.
     """
 
     q: Vector
@@ -61,7 +61,7 @@ class Reference(eqx.Module):
     - `q`, `dq`, `ddq`: desired position, velocity and acceleration [n] in rad, rad/s, rad/s² (m for a prismatic joint);
       at rest if only the position is given.
 
-    Raises DefinitionError if they are not numbers.
+    Raises DefinitionError for a list that contains anything but numbers.
     """
 
     q: Vector
@@ -75,9 +75,9 @@ class Reference(eqx.Module):
 
 
 class Envelope(eqx.Module):
-    """The bounds of the tracking error at one time, `lower < e < upper`, eq. (12).
+    """Bounds of the tracking error e at one time: `lower < e < upper`, eq. (12) of doi 10.1007/s11071-022-07650-w.
 
-    - `lower`, `upper`: [n], rad or m.
+    - `lower`, `upper`: bounds of e [n], rad or m.
     """
 
     lower: Vector
@@ -89,10 +89,10 @@ class Command(eqx.Module):
 
     - `tau`: joint torques [n], N m (N for a prismatic joint).
     - `memory`: the controller's memory after this sample, with the tree structure of the memory before it.
-    - `signals`: internal quantities by name (`s`, `eps`, `rho`, `u`, ...), for plots and logs.
+    - `signals`: internal quantities by name (`s`, `eps1`, `u`, ...), for plots and logs.
     - `rate`: time derivative of a memory that follows a differential equation, such as an adaptive gain; a tree like
-      `memory`. The loop integrates it: over a period in held mode (one torque per sample), together with the plant in
-      continuous mode. None for other memories.
+      `memory`. A simulation integrates it: over a period in held mode (one torque per sample), together with the
+      plant in continuous mode. None for other memories.
     """
 
     tau: Vector
@@ -101,7 +101,7 @@ class Command(eqx.Module):
     rate: Memory = None
 
     def memory_after(self, period: Scalar) -> Memory:
-        """The memory at the next sample: `m + h ṁ` (Euler) if the command has a rate.
+        """Return the memory at the next sample: `memory + h rate` (Euler), or `memory` if there is no rate.
 
         - `period`: h [s].
         """

@@ -26,7 +26,8 @@ ATTEMPTS = 5
 """Attempts to write a file whose temporary file disappears meanwhile."""
 
 HOUR = 3600.0
-"""Age from which a temporary file of another machine can be removed [s]: some network file systems lock locally."""
+"""Age from which a temporary file of another machine can be removed [s]. Its lock may be invisible: some network file
+systems lock files for one machine only."""
 
 _NAME = re.compile(r"\.slidax-(?P<host>.+)-\d+-[0-9a-f]{12}\.tmp")
 

@@ -34,13 +34,13 @@ EXACT = {"inverse_inertia_min": 1.0, "inverse_inertia_max": 1.0, "b0": 0.0, "b1"
 """Parameters of `UncertaintyBound` for which the size u of the robust torque is equal to its margin k."""
 
 LARGEST = 0.25
-"""Largest final radius of the envelope, over its initial radius."""
+"""Largest final radius of the envelope, as a share of its initial radius."""
 
 ROOM = 1.6
-"""Initial radius of the envelope, over the largest initial error."""
+"""Least initial radius of the envelope, as a multiple of the largest initial error."""
 
 UNRATED = 2.0
-"""Rated torque that is assumed for a drive without a torque limit, over the torque that holds and moves the arm."""
+"""Assumed rated torque of a drive without a torque limit, as a multiple of the torque that holds and moves the arm."""
 
 
 def template(deadline: float) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class DesignSpace:
     - `middle`: for each joint, the geometric mean of `torque` over all joints with the same unit [n].
     - `period`, `delay`: sampling period h [s], and the delay of measurement and command together [periods].
     - `has_velocity`: True if velocities are measured.
-    - `changes`: largest torque step of each drive [n], N m or N; infinite without a rate limit.
+    - `changes`: largest torque change of each drive in a period [n], N m or N; infinite without a rate limit.
     - `least_margin`: lower limit of the robust torque's size u if u is searched [N m]; None if it is not.
     - `along`: True if the law must have the form that the certificate `tracking_bound` covers: equal estimator gains in
       all joints, and no adaptation. Otherwise the law learns the inertia.

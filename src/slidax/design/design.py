@@ -33,23 +33,25 @@ from .speed_table import SpeedRow, random_motions, speed_table
 from .trials import CALM, DRIVE_SHARE, OWN_DRIVE_SHARE, Objective, Trials, WorstCase
 
 RUNS = 1000
-"""Number of random cases in the final check. The search for the worst case then simulates as many cases again."""
+"""Number of random cases in each check. The search for the worst case then simulates as many cases again."""
 
 TIMES, SLACK = 4, 1.5
 """Number of checks, each with new cases, before the design is refused; and the factor by which each failed check widens
 the final radius, if no accuracy is required."""
 
 ENOUGH = 0.1
-"""Margin of the worst case that ends the checks early, as a share of the width: a longer search finds worse cases."""
+"""Margin of the worst case, as a share of the envelope's width, that ends the checks early. It is not 0, since a longer
+search finds worse cases."""
 
 U_OVER, U_AMPLE = 1.15, 2.0
-"""Size u of the robust torque over the largest model error: its lower limit if u is searched, and its value if not."""
+"""Size u of the robust torque, as a multiple of the largest model error: its lower limit if u is searched, else its
+value, unless the arm's default bound is larger."""
 
 UNSEEN = 0.95
 """Share of the required torque step that is allowed in the common cases: the check has more cases, so a larger step."""
 
 ROOM_LEFT = 0.12
-"""Least margin in the common cases, as a share of the width, for an envelope that is not widened by `SPARE`."""
+"""Least margin in the common cases, as a share of the envelope's width, if the envelope is not widened by `SPARE`."""
 
 NEAR = 0.05
 """Initial radius of the envelope for `tracking_bound` [rad or m]; a much wider envelope makes the loop too soft."""
@@ -69,7 +71,7 @@ class DesignResult:
       bound.
     - `bound`: verdict of the certificate `tracking_bound`; None if no bound is required.
     - `check`: verdict of the certificate `statistical`, from new random cases and a search for the worst case.
-    - `runs`: number of runs that were simulated for the design.
+    - `runs`: number of runs in the search with the chosen estimator, without the runs of `check`.
     - `speeds`: certified error against the speed of other motions, if a bound is required in a workspace.
     """
 
@@ -86,7 +88,7 @@ class DesignResult:
 
     @property
     def spared(self) -> float:
-        """Least distance of the error to the envelope in the check, as a share of its width; inf if unknown."""
+        """Least distance from the error to the envelope in the check, over the envelope's width; inf if unknown."""
         return float(self.check.bound.get("worst_margin", np.inf))
 
 
@@ -105,15 +107,18 @@ def design(problem: DesignProblem, *, runs: int = RUNS, say: Say = _ignore) -> D
        of the robust torque from `robust_torque`, and the grid of step 2 from the period, the delay and the drives.
     2. A grid of the planning horizon H and the estimator's density, simulated on eight cases of the uncertainty set.
        Three slopes of the sliding surface are simulated for the best law of the grid.
-    3. CMA-ES over all these values, the overshoot ϑ and the final radius ρ∞, from the best law of step 2.
-    4. ρ∞ as the required accuracy, or for `best` from the smallest ρ∞ that holds in 48 cases. If a bound is required,
-       `tracking_bound` must certify ρ∞.
+    3. CMA-ES over all these values and the overshoot ϑ, from the best law of step 2. The final radius ρ∞ is the
+       required accuracy; for `best` it is searched, too.
+    4. For `best`, ρ∞ from the smallest one that holds in 48 cases; a required accuracy must hold in 48 cases. If a
+       bound is required, `tracking_bound` must certify ρ∞.
     5. A check by new random cases and a search for the worst case. If a case leaves the envelope, comes too near its
-       edge or exceeds the required torque step, step 3 is repeated with the worst cases added.
+       edge or exceeds the required torque step, steps 3 and 4 are repeated with the worst cases added.
     6. In a workspace, if a bound is required, `tracking_bound` along other motions at several speeds.
 
+    If a bound is required, `law_with_bound` first chooses the law from which the steps begin.
+
     - `problem`: from `read_problem`.
-    - `runs`: number of random cases in the final check.
+    - `runs`: number of random cases in each check.
     - `say`: function that is called with the name of each step, for the progress.
 
     Raises DefinitionError if the requirements contradict each other, the package `cmaes` is missing, or JAX computes
@@ -422,7 +427,7 @@ def _comments(result: DesignResult) -> Iterator[tuple[str, str]]:
         yield "scheme.sampled_data.estimator", drift + even
     yield "scheme.sampled_data.adaptation", "Learning is off: `tracking_bound` covers no law that learns."
     warning = (
-        f"Warns before the envelope is left: at 1.25 times the share of it that the error used in {MANY} test cases."
+        "Warns before the envelope is left: at 1.25 times the share of it that the error used in the common cases."
     )
     yield "scheme.sampled_data.monitor", warning
 

@@ -43,12 +43,13 @@ class WorkspaceDescription(AbstractDescription):
     def motion(self, arms: Arms) -> dict[str, Any]:
         """Return a trajectory as in a scenario file: sinusoids about the middle of the range.
 
-        Their amplitudes A are as large as 80 % of the range and the limits `A ω <= v`, `A ω² <= a` allow. Here ω is the
-        frequency, v the largest speed, and a the largest acceleration.
+        A joint's amplitude A is 80 % of half its range, or v²/a if that is smaller, with the largest speed v and the
+        largest acceleration a. Its frequency ω is a share, 0.85 to 1, of the largest one with `A ω <= v` and
+        `A ω² <= a`; the shares differ between the joints.
 
         - `arms`: the arms of the scenario.
 
-        Raises DefinitionError as `ends` does.
+        Raises DefinitionError as `ends` does, and if a limit is not > 0 or does not fit the number of joints.
         """
         n = arms.true.joints
         low, high = self.ends(arms)
@@ -69,7 +70,8 @@ class WorkspaceDescription(AbstractDescription):
 
         - `arms`: the arms of the scenario; their position limits are used if the file has no range.
 
-        Raises DefinitionError if the range is empty, or neither the file nor the arm has one.
+        Raises DefinitionError if the range is empty or does not fit the number of joints, or neither the file nor the
+        arm has one.
         """
         joints = arms.true.joints
         if self.q is not None:
@@ -123,7 +125,7 @@ class TimeDescription(AbstractDescription):
     """Timing of the commands."""
 
     period: float = input_field("time between two samples", "s", "> 0")
-    substeps: int = input_field("integrator steps a period", "", "[1, 10000]", default=10)
+    substeps: int = input_field("integrator steps per period", "", "[1, 10000]", default=10)
     t1: float | None = input_field("end of the runs", "s", "> 0", default=None, source="6 s after the deadline")
 
 
@@ -131,7 +133,7 @@ class DesignProblem(AbstractDescription):
     """An arm, its task, its uncertainty, and the requirements."""
 
     title: str = ""
-    """One line for a person."""
+    """Title in one line."""
     robot: RobotDescription
     """The arm that moves, and the arm as the law knows it."""
     trajectory: TrajectoryDescription | None = None

@@ -94,7 +94,7 @@ POLISH = 6
 """Number of cases in `fine_search`."""
 
 SIZES, REQUIRED = (0.15, 0.08), (0.15, 0.1, 0.06)
-"""First standard deviation of each turn of CMA-ES in the unit cube; a required torque step needs one more turn."""
+"""Initial standard deviation in the unit cube for each turn, a run of CMA-ES; a required torque step takes a third."""
 
 TOP = 5
 """Number of laws of each turn that are simulated in many cases."""
@@ -112,7 +112,7 @@ NEAR = (1.8, 2.6, 4.0, 6.0, 9.0, 14.0)
 """Final radii to try for the start of `fine_search`, relative to the largest steady error."""
 
 SPARE = 1.3
-"""Final radius over the smallest one that holds in the common cases, since other cases have larger errors."""
+"""Final radius, as a multiple of the smallest one that holds in the common cases: other cases have larger errors."""
 
 LEAST_MARGIN = 0.01
 """Least margin in every common case, as a share of the envelope's width."""
@@ -140,8 +140,8 @@ def coarse_search(trials: Trials, aim: Objective, *, kalman: bool) -> WorstCase:
 def fine_search(trials: Trials, best: WorstCase, aim: Objective) -> WorstCase:
     """Search around a law by CMA-ES, and return the law with the best worst case over 96 cases.
 
-    Each turn searches in few cases, and simulates its best laws in many cases. The hardest of these are added to the
-    few cases of the next turn. The allowed torque step of the next turn is reduced by the ratio of the largest torque
+    Each turn searches in few cases, and simulates its best laws in many cases. The hardest cases are added to the few
+    cases of the next turn. The allowed torque step of the next turn is reduced by the ratio of the largest torque
     steps in few and in many cases.
 
     - `trials`: simulates the laws.
@@ -189,7 +189,7 @@ def _near_narrowest(trials: Trials, best: WorstCase) -> WorstCase:
 
 
 def narrowest_envelope(trials: Trials, best: WorstCase, step: float = np.inf) -> WorstCase | None:
-    """Return the law with the smallest final radius that holds in 48 cases; None if even the largest radius fails.
+    """Return the law with the smallest final radius of `LADDER` that holds in 48 cases; None if none holds.
 
     A law holds if each error keeps a margin of 1 % of the envelope's width, and no torque step exceeds `step`.
 

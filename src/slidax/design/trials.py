@@ -43,8 +43,8 @@ class WorstCase:
     - `choice`: values of the law.
     - `margin`: least distance to the nearer side of the envelope, over the envelope's width; negative outside.
     - `error`, `step`: largest steady error [rad or m], and largest torque step from sample to sample [N m or N].
-    - `drive_share`: largest torque step over the step that the joint's drive allows.
-    - `joint`: index of the joint nearest to its envelope in the case with the least margin.
+    - `drive_share`: largest torque step, as a share of the step that the joint's drive allows.
+    - `joint`: in the case with the least margin, index of the joint that left the envelope first or came nearest.
     - `guarantee_margin`: least relative margin of the law's monitor if it warns only at the envelope itself; -1 without
       a monitor.
     - `outside`, `cases`: number of cases that left the envelope, and of all cases.
@@ -291,10 +291,11 @@ class Objective:
     """Cost that ranks laws by their worst cases; a lower cost is better.
 
     Laws that leave the envelope have the highest cost. Then follow laws with too small a margin, too large a torque
-    step, and too large a steady error. All others are ranked by torque step, or by a weighted sum of logarithms.
+    step, and too large a steady error. All others are ranked by torque step, or by a weighted sum of the logarithms of
+    steady error, torque step and final radius.
 
     - `step`: largest allowed torque step [N m].
-    - `required`: True if `step` is a requirement, so that smaller steps have no advantage.
+    - `required`: True if `step` is a requirement; without `error`, smaller steps then have no advantage.
     - `error`: required steady error [rad or m], below which the law with the smallest step is best; None without one.
     - `room`: least allowed margin to the envelope, as a share of its width.
     - `own_share`: largest allowed `drive_share` of `WorstCase`.

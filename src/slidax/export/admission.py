@@ -55,10 +55,12 @@ POWERS, PIECES, CELLS = 12, 256, 6144
 """Largest numbers that the C arrays can hold: coefficients per polynomial, pieces per motion, and cells per motion."""
 
 FINE = 2**18
-"""Number of transformed errors in the table of the plan from which the error of the shorter C table is determined."""
+"""Number of transformed errors in a fine table of the plan (see `HandOver`). The C table is shorter; its error is
+determined by comparison with the fine table.
+"""
 
 PLACES = 4097
-"""Number of transformed errors in the C table of the plan (see `HandOver`), which the C code interpolates."""
+"""Number of transformed errors in the C table of the plan, which the C code interpolates."""
 
 FILES = {
     f"admission/{template}.j2": f"{{prefix}}_{name}"
@@ -278,7 +280,7 @@ class _Kernels:
 def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
     """Return growth rates [1/s], multiples of 0.25, and the kernel length that suffices up to each of them [periods].
 
-    The last growth rate is the largest for which kernels exist.
+    The last growth rate is the largest that is at most half of the loop's decay rate and for which kernels exist.
 
     - `p`: band of the inertia ratio, from 1/(1 + p) to 1/(1 - p).
     """

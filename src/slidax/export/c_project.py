@@ -67,7 +67,7 @@ class CProject:
     - `golden`: golden samples, which are inputs of the step with its expected results; None without tests.
     - `period`, `t1`: sample time and end time of the scenario [s].
     - `delay`: delay of sensor and actuator together, in whole periods.
-    - `start`: initial positions and velocities of the joints.
+    - `start`: initial positions [n] and velocities [n] of the joints.
     """
 
     name: str

@@ -25,6 +25,8 @@ TYPES = ("status_bits", "measured", "wanted", "settings", "remembered", "worksho
 """Names of the types in the C file, which no variable may have."""
 
 RESULT = "result"
+"""Name of the array for the results of a shared function."""
+
 LEAST = 3
 """Fewest values that the workspace stores as an array; fewer become separate members."""
 
@@ -34,7 +36,8 @@ class FunctionBody:
     """Body of a C function.
 
     - `lines`: lines of C, indented, including those that silence warnings about unused arguments.
-    - `bytes`: bound of its stack [bytes], with that of the deepest call. Arrays of one block share no memory.
+    - `bytes`: bound of its stack, including the deepest call [bytes]. It assumes that arrays of one block share no
+      memory.
     """
 
     lines: list[str]
@@ -263,8 +266,8 @@ class StepSource:
     - `functions`: functions that the law calls, sorted so that each follows those that it calls.
     - `workspace`: members for values that depend only on the parameters.
     - `helpers`: lines of the small functions that all these functions call.
-    - `bytes`: upper bound of a step's stack [bytes], with a reserve for the compiler. Arrays of one block share no
-      memory; blocks and functions that run one after the other use the same memory.
+    - `bytes`: upper bound of a step's stack [bytes], with a reserve for the compiler. It assumes that arrays of one
+      block share no memory, and that blocks and functions which run one after the other use the same memory.
     """
 
     checked: FunctionBody

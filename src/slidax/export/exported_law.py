@@ -56,6 +56,8 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         - `q`, `dq`: measured positions and velocities [n], rad and rad/s (m and m/s for a prismatic joint).
         - `now`: reference at this sample, [3 n]: rows with position, velocity and acceleration.
         - `following`: reference one period later, as `now`; by default `now` continued at constant acceleration.
+
+        Raises DefinitionError if an argument has the wrong shape.
         """
         wanted = self._numbers(now, "now", 3)
         if following is None:
@@ -82,7 +84,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         - `t`, `q`, `dq`: as in `step`.
         - `newest`: the host's positions [n] if they have arrived since the last sample, else None.
 
-        Raises DefinitionError if the law was exported without a streamed reference.
+        Raises DefinitionError if the law was exported without a streamed reference, or an argument has the wrong shape.
         """
         if not self.about.get("streams"):
             raise DefinitionError("this law has no streamed reference: export a scenario whose motion is `streamed`")

@@ -225,7 +225,8 @@ def export_fmu(
     - `platforms`: target platforms, such as `x86_64-linux`; by default all with a compiler on this machine.
     - `command`: the command line, quoted in the file headers.
 
-    Raises DefinitionError if the law has no native code, there is no compiler, or the file cannot be written.
+    Raises DefinitionError if the law has no native code, an argument is invalid, there is no compiler, or the file
+    cannot be written.
     """
     if fmi not in VERSIONS:
         raise DefinitionError(f"FMI version must be 3 or 2; got {fmi}")

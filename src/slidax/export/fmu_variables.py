@@ -105,11 +105,11 @@ NO_LIMIT = 1e300
 UNDECLARED = {"period": "s", "horizon": "s"}
 SIGNALS = {
     "s": ("sliding variable", "rad/s or m/s"),
-    "s_next": ("sliding variable planned for the next sample", "rad/s or m/s"),
+    "s_next": ("sliding variable planned for the end of the horizon", "rad/s or m/s"),
     "eps1": ("transformed error", ""),
     "eps2": ("rate of the transformed error", "1/s"),
     "rho": ("radius of the envelope as prescribed", "rad or m"),
-    "u": ("magnitude of the robust part", ""),
+    "u": ("magnitude of the robust torque", ""),
     "margin": ("remaining margin of the guarantee; below 0 where it is void", ""),
     "disturbance": ("estimated acceleration that the nominal model does not explain", "rad/s² or m/s²"),
     "residual": ("acceleration error of the last plan", "rad/s² or m/s²"),

@@ -258,8 +258,9 @@ def golden_samples(scenario: Scenario, guard: GuardedStep, real: str, *, same: b
 
     - `guard`: the step, with its checks of measurements, references and torques.
     - `real`: number type of the C code, "double" or "float".
-    - `same`: True if the C code has the constants of this step. False, as for code that rounds them, leaves only the
-      closed loop's samples, whose torques are compared with a wide tolerance.
+    - `same`: True if the C code has the constants of this step. False, as for code that rounds them, leaves the closed
+      loop's samples, whose torques are compared with a wide tolerance, and samples with a held command, of which only
+      the status is compared.
     """
     drawn = random_samples(guard, scenario.trajectory, scenario.period, scenario.t1, RANDOM + BAD, seed=1)
     good, bad = (jax.tree.map(lambda x, part=part: x[part], drawn) for part in (slice(RANDOM), slice(RANDOM, None)))

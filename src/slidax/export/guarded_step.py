@@ -84,8 +84,8 @@ class GuardedStep(AbstractController):
     The guards first check that measurement and reference are finite and in range. The gate then rejects a measurement
     that the arm cannot have produced. Finally the law's torque and memory must be finite. If a check fails, the step
     repeats the last command and leaves the law's memory unchanged. Otherwise it limits the torque and its rate. The
-    rate of the first command counts from the last command before the law started, or from the gravity torque of the
-    nominal arm if there was none. The law's own arithmetic is unchanged.
+    rate of the first command counts from the last command before the law started. If there was none, it counts from the
+    nominal arm's Coriolis and gravity torque `C0 q̇ + G0`. The law's own arithmetic is unchanged.
 
     - `controller`: the law.
     - `gate`: plausibility check of the measurements; None for a sampled-data law, which has a gate of its own.
@@ -117,7 +117,7 @@ class GuardedStep(AbstractController):
           sampled-data law. If its drives map commands to torques, they limit only the commands.
         - `period`: time between two samples [s]; not used for a sampled-data law.
         - `gate`: plausibility check of the measurements; not used for a sampled-data law. None selects
-          `MeasurementGate.of_arm` of the law's nominal arm.
+          `MeasurementGate.of_arm` of the law's nominal arm, or `MeasurementGate()` for a law without one.
         """
         require_sound_law(controller)
         n = controller.joints
@@ -221,7 +221,7 @@ class GuardedStep(AbstractController):
 
     def held(self, memory: StepMemory) -> tuple[StepMemory, Flags]:
         """Repeat the last command, within the torque limits; return the memory after this step, and its conditions."""
-        # Before the first command, `tau` is the gravity torque from which the rate limit counts.
+        # Before the first command, `tau` is the torque C0 q̇ + G0 from which the rate limit counts.
         tau = jnp.where(memory.commanded, self._within(memory.tau), 0.0)
         held = memory.held + 1.0
         stop = memory.stop | (held >= self._part("gate").patience)
@@ -253,7 +253,7 @@ class GuardedStep(AbstractController):
             command, accepted = self.controller.gated(t, state, reference_now, reference_next, memory.law)
         law = command.memory_after(period)
 
-        # Before the first command, `memory.tau` is the arm's gravity torque.
+        # Before the first command, `memory.tau` is the nominal arm's torque C0 q̇ + G0.
         held = self._within(memory.tau)
         tau = self._limits(command.tau, held, period)
         if isinstance(self.controller, SampledData):

@@ -186,7 +186,9 @@ def require_samples(scenario: Scenario) -> None:
 
 
 def arm_to_move(scenario: Scenario) -> Plant:
-    """Return a scenario's arm, to be moved sample by sample; slidax simulates it, not MuJoCo.
+    """Return a scenario's plant for a loop sample by sample, as slidax's own simulator uses it.
+
+    For an arm in MuJoCo this is `MujocoPlant.with_friction`; MuJoCo still moves the arm.
 
     Raises DefinitionError if the arm has LuGre friction or elastic joints.
     """
@@ -348,7 +350,7 @@ def arm_plan(scenario: Scenario, *, transport: int) -> ArmPlan:
       less delay, and the first measurement is taken one tick before tick 0.
 
     Raises DefinitionError if the scenario is not in held mode (one torque per sample), if its plant or sensor is not
-    supported, or if llvmlite is not installed.
+    supported, or if llvmlite is not installed; NoNativeCodeError if an operation of the arm has no machine code.
     """
     require_samples(scenario)
     own, plant = arm_to_move(scenario), scenario.plant

@@ -38,7 +38,11 @@ class StepSize(NamedTuple):
 
 
 def measure_step(exported: CProject, folder: str | Path) -> StepSize:
-    """Measure the step of a C project in `folder`; sizes whose tool is missing on this machine are None."""
+    """Measure the step of a C project; sizes whose tool is missing on this machine are None.
+
+    - `exported`: the exported law, as `export_c` returns it.
+    - `folder`: folder of the project, with its tests.
+    """
     folder = Path(folder)
     source = folder / f"{exported.prefix}.c"
     lines = len(source.read_text(encoding="utf-8").splitlines())

@@ -35,7 +35,7 @@ TYPES = {"b1": "?", "u32": "<u4", "i32": "<i4", "i64": "<i8", "u64": "<u8"}
 def export_micro(
     scenario: Scenario, out: str | Path, *, name: str | None = None, single: bool = False, command: str = ""
 ) -> CProject:
-    """Write a scenario's law as a project for Cortex-M and RISC-V; existing files of the same names are overwritten.
+    """Write a scenario's law as a project for Cortex-M and RISC-V to the folder `out`; existing files are overwritten.
 
     - `name`, `single`, `command`: as in `export_c`.
 

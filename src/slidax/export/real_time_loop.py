@@ -118,7 +118,7 @@ class LoopResult:
         if any(not each.locked for each in granted):
             refusals.append(
                 "memory is not locked (mlockall), so page faults can occur: run `ulimit -l unlimited`, or add a line "
-                "`@realtime - memlock unlimited` there"
+                "`@realtime - memlock unlimited` to /etc/security/limits.conf"
             )
         if any(not each.absolute for each in granted):
             refusals.append("no absolute wake-ups (clock_nanosleep): only Linux has them")

@@ -1,4 +1,4 @@
-"""Exports for robots: law, limits and programs; the exports for Franka and Universal Robots arms.
+"""Exports for robots: the law, the robot's limits and the programs that run the law on Franka and UR arms.
 
 The exported pilot is C code between the robot's interface and the law. It generates the reference, checks the
 measurements and the law's status, and brings the arm to rest or ends the control.
@@ -211,8 +211,8 @@ class RobotLimits:
     - `acceleration`: largest accelerations of an external trajectory, per joint.
     - `share`: share of the torque limit that an external trajectory may use.
     - `dialect`: number type of the C code.
-    - `held`: most consecutive periods in which the step repeats its last command, since the sample or the law's result
-      is bad; after more the control ends at once.
+    - `held`: most consecutive periods in which the step repeats its last command, because the sample or the law's
+      result is bad; after more the control ends at once.
     - `lost`: number of periods between two samples at which the control ends at once.
     - `outside`, `limited`, `void`: most consecutive periods outside the envelope, with a limited torque, and with a
       violated assumption of the guarantee; after more the arm comes to rest.

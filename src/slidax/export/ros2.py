@@ -83,7 +83,7 @@ def ros_parameters(
         RosParameter("hold", "double", "1.0", "initial hold at the measured posture, s", (("gt_eq<>", "[0.0]"),)),
         RosParameter("ramp", "double", "1.0", "duration of a requested stop, s", (("gt<>", "[0.0]"),)),
         RosParameter("retime", "bool", "false", "slow down a goal that exceeds a limit, instead of rejecting it"),
-        RosParameter("slowest", "double", "10.0", "largest factor of slowing a goal down", (("gt_eq<>", "[1.0]"),)),
+        RosParameter("slowest", "double", "10.0", "largest factor to slow a goal down by", (("gt_eq<>", "[1.0]"),)),
         RosParameter("goal_time", "double", "1.0", "longest wait for a goal's tolerances, s", (("gt_eq<>", "[0.0]"),)),
     ]
     size = (("fixed_size<>", f"[{n}]"),)
@@ -102,7 +102,7 @@ def ros_parameters(
         ("rate", f"fastest change of a command, {tau}/s"),
         ("torque_hold", f"largest torques while the arm first holds its posture, {tau}"),
         ("error_hold", f"largest errors while the arm first holds its posture, {q}"),
-        ("error_full", f"largest errors afterwards, {q}"),
+        ("error_full", f"largest errors after the initial hold, {q}"),
         ("acceleration", f"largest accelerations of a trajectory, {q}/s^2"),
     ):
         # Infinite limits become a large number that no robot reaches.
@@ -112,7 +112,7 @@ def ros_parameters(
     meaning = "share of the torque limits that a trajectory may use; the remainder is for the law"
     rows.append(RosParameter("limits.torque_share", "double", _number(allowed.share), meaning, share))
     for name, number, meaning in (
-        ("held", allowed.held, "most consecutive periods without a good sample, then the control stops"),
+        ("held", allowed.held, "most consecutive periods with a held command, then the control stops"),
         ("lost", allowed.lost, "number of periods between two samples at which the control stops"),
         ("outside", allowed.outside, "most consecutive periods outside the envelope, then the arm comes to rest"),
         ("limited", allowed.limited, "most consecutive periods with a limited torque, then the arm comes to rest"),

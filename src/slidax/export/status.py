@@ -18,7 +18,8 @@ class Condition:
     - `name`: its name in C, without the prefix.
     - `bit`: its value, a power of two.
     - `meaning`: the condition that sets it.
-    - `held`: True if the step then repeats the last safe command and does not change the law's memory.
+    - `held`: True if the step then repeats the last safe command and does not change the law's memory, except that of
+      the measurement gate.
     - `remedy`: advice to the user.
     """
 
@@ -32,7 +33,7 @@ class Condition:
 MEASUREMENT_NOT_FINITE = Condition(
     "MEASUREMENT_NOT_FINITE",
     1,
-    "a measured number is NaN or infinite",
+    "the time or a measured number is NaN or infinite",
     True,
     "The step bridges a single sample. If it lasts, the sensor has failed: brake.",
 )
@@ -41,7 +42,7 @@ MEASUREMENT_OUT_OF_RANGE = Condition(
     2,
     "a measured position is beyond `gate_q_max`",
     True,
-    "As above. The range is 1.5 times the limits in the arm's description; enlarge it if your joints move farther.",
+    "If it lasts, brake. `gate_q_max` is 1.5 times the arm's position limits by default; enlarge it for larger motions.",
 )
 REFERENCE_NOT_FINITE = Condition(
     "REFERENCE_NOT_FINITE",
@@ -55,14 +56,14 @@ TORQUE_NOT_FINITE = Condition(
     8,
     "the law's torque or its memory is not finite",
     True,
-    "With ENVELOPE_LEFT: the law is not defined outside. Brake, then reset. Alone: check the gains.",
+    "With ENVELOPE_LEFT: the law is not defined outside its envelope; brake, then reset. Alone: check the gains.",
 )
 ENVELOPE_LEFT = Condition(
     "ENVELOPE_LEFT",
     16,
     "a joint's error is at or outside its envelope; the law's command, if it is finite, is still sent",
     False,
-    "A sampled-data law returns to its envelope. For any other: brake, then reset, which starts a new envelope.",
+    "A sampled-data law returns to its envelope. For any other law: brake, then reset, which starts a new envelope.",
 )
 TORQUE_LIMITED = Condition(
     "TORQUE_LIMITED",
@@ -115,7 +116,7 @@ RECOVERY_OVERDUE = Condition(
 PARAMETERS_INVALID = Condition(
     "PARAMETERS_INVALID",
     2048,
-    "a parameter is not finite, or is outside the range in its comment; in C alone",
+    "a parameter is not finite, or is outside the range in its comment; only in C",
     True,
     "Correct the parameter. `parameters_valid` checks it before a step.",
 )
@@ -157,7 +158,8 @@ class StepMemory(eqx.Module):
     - `started`: True once a good measurement has arrived after the reset.
     - `commanded`: True once a step has returned a command after the reset, even if it is the 0 of a bad sample.
     - `t`: time stamp of the last good sample [s].
-    - `tau`: the last safe command [n], N m or N; 0 before the first.
+    - `tau`: the last safe command [n], N m or N. Before the first it is 0, or the nominal arm's torque `C0 q̇ + G0` once
+      the law has started.
     - `held`: number of consecutive steps whose command was held.
     - `stop`: True once the step has requested a stop; stays so until the reset.
     - `outside`: time for which a joint has been outside the envelope without interruption [s].

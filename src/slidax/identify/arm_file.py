@@ -121,7 +121,8 @@ def _band_lines(band: Band) -> list[str]:
 
 def _standard_errors(identification: Identification) -> list[str]:
     return [
-        "  # Standard errors are one sigma; `identifiable: false`: the log determines it poorly or not at all.",
+        "  # Standard errors are one sigma; `identifiable: false`: the log determines the parameter poorly or not at "
+        "all.",
         *(_line(parameter) for parameter in identification.parameters if parameter.path),
     ]
 

@@ -39,8 +39,8 @@ class Band:
         (1 - p) M₀(q) ≤ M(q) ≤ (1 + p) M₀(q)   for every q,                                                  (1)
 
     as matrix inequalities. For a given error of the parameters `MassBound` proves (1) for all q, not only for samples
-    of q. A log determines only the base parameters: the combinations of parameters that
-    change M, C and G. The distance p does not depend on other combinations.
+    of q. A log determines only the base parameters: the combinations of parameters that change the torque
+    `M q̈ + C q̇ + G`. The distance p does not depend on other combinations.
 
     A second bound is for the torque along a motion. Let φ be the arm's inertial parameters (`arm_parameters`), φ₀ those
     of the identified arm, and Y the regressor with `M q̈ + C q̇ + G = Y φ`. The errors `Δφ = φ - φ₀` of the base
@@ -172,7 +172,7 @@ def arm_parameters(robot: Articulated) -> np.ndarray:
 def inertial_regressor(robot: Articulated, motion: JointMotion) -> np.ndarray:
     """Return the regressor Y with `M q̈ + C q̇ + G = Y φ`, φ as from `arm_parameters`, [k n 11n].
 
-    - `robot`: the arm; only its geometry is used.
+    - `robot`: the arm; only its geometry and gravity are used.
     - `motion`: the motion at k times.
     """
     return np.concatenate([links_regressor(robot, motion), motion.ddq[:, :, None] * np.eye(robot.joints)], axis=2)
@@ -186,7 +186,7 @@ def base_parameters(robot: Articulated) -> tuple[np.ndarray, np.ndarray]:
     The basis spans the row space of the scaled Y at random states. The entries of Y are analytic functions of the
     state: a combination that gives no torque at so many random states never gives a torque.
 
-    - `robot`: the arm; only its geometry is used.
+    - `robot`: the arm; only its geometry and gravity are used.
     """
     n = robot.joints
     rng = np.random.default_rng(0)

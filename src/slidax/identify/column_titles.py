@@ -47,7 +47,11 @@ RATES = ("success_rate", "state.success_rate", "control_command_success_rate")
 """Titles that only libfranka writes; its times are in milliseconds."""
 
 INDEX = re.compile(r"(?P<stem>.*?)[._]?(?:\[(?P<a>\d{1,6})\]|\((?P<b>\d{1,6})\)|(?P<c>\d{1,6}))")
+"""A title that ends in a joint's number, as in `q_1`, `q[0]` and `position(3)`."""
+
 JOINT = re.compile(r"(?:joint|axis|motor|j)[_.]?(?P<index>\d{1,6})")
+"""A joint's number with a word, as in `joint_3` and `axis2`."""
+
 _UNIT = re.compile(r"\s*(?:\[(?P<a>[^\[\]]*)\]|\((?P<b>[^()]*)\))$")
 _ENDING = re.compile(r"(?<=[a-z0-9\])])_(?P<unit>ms|us|ns|s|sec|rad|deg|nm)$")
 """A unit at the end of a title, as in `time_ms` and `q_1_deg`."""

@@ -302,13 +302,14 @@ def excite(
     links: bool = False,
     rate: float = 50.0,
 ) -> Excitation:
-    """Design an excitation motion: a Fourier series per joint, within limits, with the most informative log.
+    """Design an excitation motion: a Fourier series per joint, within limits, whose log is the most informative.
 
-    `q_j(t) = c_j + Σ_k a_jk cos(kωt) + b_jk sin(kωt)` (Swevers et al., *Optimal robot excitation and identification*,
-    1997) over two periods, with velocity and acceleration 0 at the start and at the end. Each joint's series is scaled
-    until it reaches one of its limits. The search takes the best of many random series and improves it by random
-    changes. Its criterion is D-optimality: the largest determinant of the scaled parameters' information matrix.
-    The search does not check for collisions of the arm with itself or with its surroundings.
+    Joint j moves by `q_j(t) = c_j + Σ_k a_jk cos(kωt) + b_jk sin(kωt)` (Swevers et al., *Optimal robot excitation and
+    identification*, 1997) over two periods 2π/ω, with velocity and acceleration 0 at the start and at the end. Each
+    joint's series is scaled until it reaches `share` of its position range, velocity or acceleration limit. The search
+    takes the best of many random series and improves it by random changes. Its criterion is D-optimality: the largest
+    determinant of the scaled parameters' information matrix. The search does not check for collisions of the arm with
+    itself or with its surroundings.
 
     - `robot`: the arm, with its limits.
     - `seed`: seed of the random numbers; the same seed gives the same motion.

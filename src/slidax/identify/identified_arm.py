@@ -235,7 +235,7 @@ class Identification:
         these = "this log" if len(self.logs) == 1 else "these logs"
         width = max(len(parameter.label) for parameter in self.parameters)
         lines = [
-            f"{self.robot.name} from {fit.log.source}: {len(fit.log.t)} samples, band {fit.cut_off:.3g} Hz"
+            f"{self.robot.name} from {fit.log.source}: {len(fit.log.t)} samples, low-pass filter {fit.cut_off:.3g} Hz"
             for fit in self.logs
         ]
         for parameter in self.parameters:

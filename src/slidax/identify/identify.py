@@ -58,11 +58,11 @@ def identify(
         arm = identify("log.csv", sx.arms.panda())
         print(arm)
 
-    The torque `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o` is linear in the parameters: those of payload and
-    links, φ, rotor inertia J, Coulomb friction f_c, viscous friction f_v and offset f_o. So this is weighted least
-    squares on signals that all pass the same zero-phase filter, with physically consistent bodies
-    (`consistent_parameters`). The prior is very wide: it determines only the parameters that the log does not show, and
-    warnings name them.
+    The torque `τ = Y(q,q̇,q̈) φ + J q̈ + f_c sign(q̇) + f_v q̇ + f_o` is linear in the parameters: the inertial
+    parameters φ of payload and links with the regressor Y, rotor inertia J, Coulomb friction f_c, viscous friction f_v
+    and offset f_o. So this is weighted least squares on signals that all pass the same zero-phase filter, with
+    physically consistent bodies (`consistent_parameters`). The prior is very wide: it determines only the parameters
+    that the log does not show, and warnings name them.
 
     The log is checked against the arm first: its time unit, gaps and velocities, and the sign, scale, joint order and
     gravity of its torques. `Conventions` has the remedies. Several logs of one arm are fitted together, each with its
@@ -79,7 +79,7 @@ def identify(
     - `rotors`: True to identify rotor inertias; torques measured behind the gears do not show them.
     - `payload`: True to identify the payload. By default it is identified unless `links` is True: the identified last
       link then includes the payload.
-    - `links`: True to identify the links' inertial parameters; the prior of a link's mass is the file's value ± 50 %.
+    - `links`: True to identify the links' inertial parameters; the prior of a link's mass is that of `robot` ± 50 %.
     - `asymmetric`: True if viscous friction may differ between the two directions.
     - `stribeck`: Stribeck velocity of static friction above Coulomb friction [rad/s or m/s]; by default there is none.
     - `ripple`: periods per turn of torque ripple, such as cogging, that all joints may have; by default there is none.
@@ -205,7 +205,7 @@ def identify(
         if ratio[joint] > DISAGREE:
             warnings += (
                 f"{record.log.source} fits {ratio[joint]:.2g} times worse with the other logs than alone, most in the "
-                f"torque of joint `{robot.joint_names[joint]}`: the arm, its friction or its load was another one. The "
+                f"torque of joint `{robot.joint_names[joint]}`: the arm, its friction or its load differed. The "
                 "intervals are widened to contain each log's own fit; `--load` sets the load of each log",
             )
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)
@@ -240,7 +240,7 @@ def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
     if conventions.add_gravity:
         raise DefinitionError(
             "`gravity` cannot be identified from torques to which `add_gravity` adds the gravity torques of the arm's "
-            "file: leave one of both out"
+            "file: leave one of the two out"
         )
     if not np.asarray(robot.gravity_vector).any():
         raise DefinitionError("`gravity` is 0 in the arm's description: `--gravity 0,0,-9.81` sets its magnitude")
@@ -249,8 +249,8 @@ def _require_gravity(robot: Articulated, conventions: Conventions) -> None:
 def explained_band(unknowns: Unknowns, signals: LogSignals, fitted: ParameterFit, rows: slice) -> float:
     """Return the frequency [Hz] up to which the model explains at least half of the torque's power.
 
-    The result is the median over the joints.
-    At higher frequencies the torque is noise, or an effect that the model lacks, such as elastic gears.
+    The result is the median over the joints. At higher frequencies the torque is noise, or an effect that the model
+    lacks, such as elastic gears.
 
     - `unknowns`, `signals`: the torque equation and the signals of a log.
     - `fitted`: parameters of a first fit in a wider band.

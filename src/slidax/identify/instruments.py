@@ -20,7 +20,7 @@ from .torque_model import with_gravity
 from .unknowns import TILT, Unknowns
 
 OFFSET = {"rad": 0.1, "m": 0.05}
-"""Prior standard deviation of an encoder's offset."""
+"""Prior standard deviation of an encoder's offset [rad or m]."""
 
 GAIN, CROSSTALK = 0.3, 0.1
 """Prior standard deviations of the relative error of a torque's gain, and of its cross-talk from another joint."""

@@ -19,6 +19,7 @@ from slidax.core.joint_names import match_names
 from .logs import JointLog, ReadOptions
 
 FIELDS = {"position": "q", "velocity": "dq", "effort": "tau"}
+"""Fields of a `sensor_msgs/JointState`, and the quantity in each: position, velocity or torque."""
 
 MOST_BYTES = 1000 * MEGABYTE
 LONGEST_MESSAGE = MEGABYTE
@@ -30,8 +31,8 @@ def log_of_messages(
 ) -> JointLog:
     """Return the log in joint-state messages.
 
-    Joints are matched by name. Messages without any of the arm's joints come from another publisher and are left out;
-    velocities that are missing or all zero count as not measured.
+    Joints are matched by name. Messages without any of the arm's joints come from another publisher and are left out.
+    Velocities count as not measured if a message lacks them, or if all are zero while the arm moves.
 
     - `source`: name of the log, for errors and notes.
     - `joints`: the arm's joints, in its order.
@@ -39,7 +40,8 @@ def log_of_messages(
     - `reading`: fields to take or to drop.
     - `notes`: notes of the file's reader, which come first.
 
-    Raises DefinitionError, with the number of the message, if a message is incomplete.
+    Raises DefinitionError, with the number of the message, if a message is incomplete; also if no message has the arm's
+    joints.
     """
     fields = _fields(reading)
     times, values = array("d"), {quantity: array("d") for quantity in fields.values()}

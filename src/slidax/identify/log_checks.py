@@ -295,7 +295,8 @@ BEYOND = 0.5
 """Excess over the position limits, as a share of the range, above which a joint's unit is in doubt."""
 
 APART = 0.3
-"""Root mean square difference of dq from the slope of q, as a share of the slope, above which dq is not used."""
+"""Root mean square difference of the velocities dq from the slope of the positions q, as a share of the slope, above
+which dq is not used."""
 
 CORRELATED = 0.9
 """Correlation of dq with the slope of q above which a factor between them means another unit or sign."""

@@ -125,7 +125,8 @@ class MassBound:
     def _refined(self, matrices: list[np.ndarray]) -> list[np.ndarray]:
         """Return the matrices for an L that nearly minimises their largest eigenvalue.
 
-        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0` by damped Newton steps on `p/μ - Σ log det`. The function is
+        Minimise p subject to `p - A_i - Σ_k y_k T_ik ≥ 0` by damped Newton steps on `p/μ - Σ log det`. A_i are the
+        matrices, y_k the coefficients of L, and T_ik their normalised constant matrices. The function is
         self-concordant, so the steps stay feasible. At its minimum p exceeds the optimum by at most μ times the number
         of rows.
         """
@@ -200,7 +201,7 @@ class MassBound:
         raise DefinitionError("the mass matrix is not bounded: some body of the arm has no mass or no inertia")
 
     def _definite(self, parameters: np.ndarray, share: float) -> np.ndarray:
-        """Return an L that increases each K_i by a share of its size, and lowers that of the next body to the base."""
+        """Return an L that increases each K_i by a share of its size, and lowers K of the body that carries joint i."""
         forms = np.zeros(self.coefficients)
         if share == 0.0:
             return forms

@@ -23,7 +23,7 @@ from .signals import LogSignals, signals_of
 from .torque_model import BAND, with_gravity_torques
 
 SETTLINGS = 4
-"""Least length of the fitted part between the filter's ends, in settling times of the filter."""
+"""Least length of the fitted part after removal of the filter's settling time at each end, in settling times."""
 
 FORM = "none, unknown, or KG@X,Y,Z, such as 2.0@0,0,0.1: mass [kg] and centre of mass in the tip's frame [m]"
 
@@ -157,7 +157,7 @@ def record_of(
 
     - `log`: the log as read.
     - `load`: the load in addition to the arm's own payload; None if it is unknown.
-    - `cut_off`: cut-off frequency of the equations' filter [Hz]; None to choose it from the data.
+    - `cut_off`: cut-off frequency of the regression's low-pass filter [Hz]; None to choose it from the data.
     - `held_out`: share at the end that is predicted and not fitted.
 
     Raises DefinitionError if the log cannot be used.

@@ -180,7 +180,7 @@ FRACTION = 0.25
 """Largest window as a share of the cut-off frequency, since the residuals' spectrum changes over the filter's band."""
 
 LEAST_FREEDOM = 0.05
-"""Smallest share of the degrees of freedom that the fit leaves in a frequency band."""
+"""Lower bound of 1 - h in `covariance_of_fit`, the share of the noise that the fit leaves at a frequency."""
 
 
 def covariance_of_fit(
@@ -196,10 +196,10 @@ def covariance_of_fit(
 
         S(ω) = ⟨h |r|²⟩ / ⟨h (1 - h)⟩ · ⟨h⟩ / ⟨h (1 - h)⟩
 
-    with a(ω) and r the Fourier transforms of regressor and residual, h relative to the number of equations, and ⟨ ⟩ the
-    mean over a window of frequencies. The first factor alone is unbiased for few unknowns. The second makes the
-    estimate as conservative as a jackknife (HC3 of MacKinnon and White, *Some heteroskedasticity-consistent covariance
-    matrix estimators with improved finite sample properties*, 1985).
+    with a(ω) and r the Fourier transforms of regressor and residual, h and |r|² relative to the number of equations,
+    and ⟨ ⟩ the mean over a window of frequencies. The first factor alone is unbiased for few unknowns. The second makes
+    the estimate as conservative as a jackknife (HC3 of MacKinnon and White, *Some heteroskedasticity-consistent
+    covariance matrix estimators with improved finite sample properties*, 1985).
 
     The result has full rank. A covariance from sums over blocks of the log has not: with 40 blocks and 80 unknowns,
     some combinations of the unknowns would have no error at all.
@@ -248,7 +248,7 @@ STEPS = 60
 """Newton steps per barrier weight at most; about ten are usual."""
 
 LAST_WEIGHT = 1e-6
-"""Last barrier weight, the largest increase of the sum of squares, in units of the noise, that a bound may cause."""
+"""Last barrier weight μ in `consistent_parameters`: the minimised function exceeds its minimum by about μ per bound."""
 
 
 def pseudo_inertia(phi: np.ndarray) -> np.ndarray:
@@ -276,10 +276,10 @@ def consistent_parameters(
     Each body's pseudo-inertia is positive definite, and the parameters marked in `positive` are positive. If θ̂ itself
     fulfils both conditions, it is the result. Otherwise an interior-point method determines θ. It takes Newton steps on
     the sum of this function, `-μ log det` of each pseudo-inertia and `-μ log` of each positive parameter, for μ down to
-    1e-6. The barrier is self-concordant and its derivatives take four lines, so no solver for cone programs is needed.
+    1e-6. The barrier is self-concordant, so the steps converge without a solver for cone programs.
 
     - `theta`: θ̂, the unconstrained estimate [p].
-    - `information`: A, the inverse of its covariance [p p].
+    - `information`: A, the estimate's information matrix [p p].
     - `bodies`: index of each body's first parameter.
     - `positive`: True for other parameters that cannot be negative [p].
     - `inside`: a θ strictly inside the constraints [p].
@@ -354,7 +354,11 @@ def _barrier(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> 
 
 
 def _derivatives(theta: np.ndarray, bodies: Sequence[int], positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient and Hessian of the barrier: `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)`, `-1/θ` and `1/θ²`."""
+    """Return gradient and Hessian of the barrier.
+
+    They are `-tr(J⁻¹ E_i)` and `tr(J⁻¹ E_i J⁻¹ E_j)` for a body's pseudo-inertia J with `E_i = ∂J/∂φ_i`, and `-1/θ` and
+    `1/θ²` for a positive parameter.
+    """
     slope, curve = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
     slope[positive] = -1.0 / theta[positive]
     curve[positive, positive] = 1.0 / theta[positive] ** 2

@@ -28,7 +28,7 @@ class LinkMotion(NamedTuple):
 
     - `rotation`: axes in the base frame, as columns [n k 3 3].
     - `origin`: origin in the base frame [n k 3], m.
-    - `omega`, `alpha`: angular velocity and acceleration [n k 3].
+    - `omega`, `alpha`: angular velocity and acceleration [n k 3], rad/s and rad/s².
     - `acceleration`: acceleration of the origin minus gravity [n k 3], m/s².
     """
 
@@ -242,7 +242,7 @@ def _project_onto_joints(
         axis = np.einsum("kji,kj->ki", rotation, links.rotation[joint][:, :, 2])
         if robot.joint_units[joint] == "rad":
             arm = np.einsum("kji,kj->ki", rotation, links.origin[body] - links.origin[joint])
-            # z · (n + r × f) = z · n + (z × r) · f
+            # z · (n + r × f) = z · n + (z × r) · f, with axis z, torque n, force f and lever r.
             lever = _cross(axis, arm)
             columns[:, joint] = np.einsum("ki,kic->kc", axis, torque) + np.einsum("ki,kic->kc", lever, force)
         else:

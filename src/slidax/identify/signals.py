@@ -1,7 +1,7 @@
 """Evenly sampled, smoothed signals of a log with their derivatives, and the low-pass filter of the regression.
 
-The regression passes both sides of each torque equation, torque and regressor, through this zero-phase filter. It is
-the equations' filter below.
+The regression passes both sides of each torque equation, torque and regressor, through the same zero-phase low-pass
+filter. This is the equations' filter below, and the band is the range up to its cut-off frequency.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ ORDER = 4
 """Order of the Butterworth filters, which run forwards and backwards and so have no delay."""
 
 WIDER = 4.0
-"""Cut-off of the positions' filter over that of the equations' filter, so that the former leaves the band unchanged."""
+"""Cut-off frequency of the positions' filter, as a multiple of that of the equations' filter: the band is unchanged."""
 
 SNR = 10.0
-"""Least ratio of the positions' spectrum to their noise in the band."""
+"""Least ratio of the positions' spectrum to the noise's in the band."""
 
 NOISE_SHARE = 1e-4
 """Largest share of noise in an acceleration's power in the band; noise lowers an estimated inertia by this share."""
@@ -136,7 +136,9 @@ def signals_of(timed: LogPieces, robot: Articulated, cut_off: float | None = Non
     rate = 1.0 / (t[pieces[0].start + 1] - t[pieces[0].start])
     chosen = choose_cut_off(q, rate, pieces) if cut_off is None else float(cut_off)
     if not 0 < chosen < rate / 4:
-        raise DefinitionError(f"`cut_off` must be in (0, {rate / 4:.4g}) Hz, a quarter of the rate; got {chosen:g}")
+        raise DefinitionError(
+            f"`cut_off` must be > 0 and < {rate / 4:.4g} Hz, a quarter of the sampling rate; got {chosen:g}"
+        )
     wide = signal.butter(ORDER, min(WIDER * chosen, 0.4 * rate), fs=rate, output="sos")
     smooth = _per_piece(lambda values: signal.sosfiltfilt(wide, values, axis=0), q, pieces)
     velocity = _slope(smooth, rate, pieces)
@@ -170,7 +172,8 @@ def choose_cut_off(q: np.ndarray, rate: float, pieces: tuple[slice, ...]) -> flo
 
     Encoder noise is white, so the upper part of the spectrum shows its density S. The band ends where a joint's
     spectrum falls to 10 S, or where the noise of its acceleration, `S (2π)⁴ f⁵/5`, reaches a share of 1e-4 of the
-    acceleration's power, whichever is lower. The result is the median over the joints.
+    acceleration's power, whichever is lower. The result is the median over the joints, within 1 Hz to 30 Hz and at most
+    a tenth of the sampling rate.
 
     - `q`: evenly sampled positions [k n].
     - `rate`: sampling rate [Hz].

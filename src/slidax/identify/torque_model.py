@@ -193,7 +193,8 @@ def match_torques(robot: Articulated, sample: TorqueSample) -> TorqueMatch:
 class RigidTorques:
     """Torques of an arm's bodies for a motion.
 
-    - `columns`: torque of each link, and of 1 kg at each of several points about the tip (`UNIT_MASSES`) [m n l].
+    - `columns`: torque of each link, and of 1 kg at each of 21 points about the tip (`UNIT_MASSES`) [m n l], with
+      l = links + 21.
     - `known`: torque of the payload in the arm's description [m n].
     - `needed`: typical torque of each joint [n], from which the prior of the drives' parameters follows: root mean
       square of the links' torque, plus a share of the torque limit for friction.

@@ -107,9 +107,10 @@ def unknowns_of(
 
     `stribeck` adds the term `f_s exp(-(q̇/v_s)²) sign(q̇)`, and `ripple` adds `c cos(N q) + s sin(N q)` for each N.
 
-    φ are the inertial parameters of links and payload, J rotor inertias, f_c Coulomb friction, f_v viscous friction.
-    f_o is the offset of the torque measurement, or half the difference of friction between the two directions: a log
-    cannot tell them apart. f_a is half the difference of viscous friction between the two directions, if `asymmetric`.
+    φ are the inertial parameters of links and payload, Y their regressor, J rotor inertias, f_c Coulomb friction, f_v
+    viscous friction. f_o is the offset of the torque measurement, or half the difference of friction between the two
+    directions: a log cannot tell them apart. f_a is half the difference of viscous friction between the two directions,
+    if `asymmetric`.
 
     - `robot`: the arm before identification.
     - `sizes`: sizes from which the prior scales of the drives' parameters follow.

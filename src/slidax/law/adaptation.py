@@ -26,7 +26,7 @@ class Believed(AbstractRobot):
 
     M0 and J0 are the nominal inertia matrix and rotor inertia, J is the estimated rotor inertia. Bias and friction are
     nominal. S is diagonal. Its entry is 1 where `J >= 0`. Where `J < 0` it scales the joint's row and column so that
-    the diagonal entry becomes `M0_ii + J - J0`.
+    the diagonal entry becomes `M0_ii + J - J0`, but at least 1 % of `M0_ii - J0`.
 
     M̂ is positive definite if every J is positive, since the links' part `M0 - diag(J0)` is positive semidefinite. The
     congruence with S does not change that.

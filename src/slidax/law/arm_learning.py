@@ -74,7 +74,7 @@ RESTORED = 0.01
 """Share of the covariance that is left when the last good model returns."""
 
 CERTAIN = 0.2
-"""Largest deviation of each diagonal entry of M, relative to itself, in a model that may be used."""
+"""Largest standard deviation of each diagonal entry of M, relative to itself, in a model that may be used."""
 
 SMOOTHING, LARGEST_MOVE = 0.05, 0.1
 """Time constant [s] with which the used parameters follow the estimates, and their largest change from one window to
@@ -113,11 +113,11 @@ class ArmLearningMemory(eqx.Module):
 
 
 class ArmLearning(AbstractAdaptation):
-    """Recursive least squares over windows of 40 ms, for 10 + 5 n parameters of the arm (`ArmParameters`).
+    """Recursive least squares over windows of 4 `samples` periods, for the parameters of the arm (`ArmParameters`).
 
-    A window begins every 10 ms. Weighted sums over it give position, velocity, acceleration and torque in its middle,
-    without a lag. They yield one equation `τ - τ_nominal = aᵀθ` for each joint, linear in the parameters θ. The update
-    is spread over the samples until the next window.
+    A window begins every `samples` periods. Weighted sums over it give position, velocity, acceleration and torque in
+    its middle, without a lag. They yield one equation `τ - τ_nominal = aᵀθ` for each joint, linear in the parameters θ.
+    The update is spread over the samples until the next window.
 
     The law interpolates between two models, with the weights 1 - α and α: that of `joints`, which learns each joint
     alone, and the arm's. α is 0 until every M_ii is known to 20 % and the arm's model explains the torque. It returns
@@ -139,12 +139,12 @@ class ArmLearning(AbstractAdaptation):
     samples: int = parameter("samples between two windows", "", ">= 3", static=True, default=10)
     noise: PerJoint = parameter("r, standard deviation of a window's torque", "N m or N", "> 0", default=NOISE)
     mass: Scalar = parameter("standard deviation of the payload's mass at the start", "kg", "> 0", default=2.5)
-    moment: Scalar = parameter("standard deviation of its mass times centre", "kg m", "> 0", default=0.5)
-    inertia: Scalar = parameter("standard deviation of its inertia", "kg m²", "> 0", default=0.08)
+    moment: Scalar = parameter("standard deviation of the payload's mass times centre", "kg m", "> 0", default=0.5)
+    inertia: Scalar = parameter("standard deviation of the payload's inertia", "kg m²", "> 0", default=0.08)
     factor: PerJoint = parameter("standard deviation of a link's relative mass", "", "> 0", default=0.2)
-    viscous: PerJoint = parameter("deviation of viscous friction", "N m s/rad or N s/m", "> 0", default=0.4)
-    coulomb: PerJoint = parameter("deviation of Coulomb friction", "N m or N", "> 0", default=0.4)
-    rotor: PerJoint = parameter("deviation of a rotor's inertia", "kg m² or kg", "> 0", default=0.15)
+    viscous: PerJoint = parameter("standard deviation of viscous friction", "N m s/rad or N s/m", "> 0", default=0.4)
+    coulomb: PerJoint = parameter("standard deviation of Coulomb friction", "N m or N", "> 0", default=0.4)
+    rotor: PerJoint = parameter("standard deviation of a rotor's inertia", "kg m² or kg", "> 0", default=0.15)
     stribeck: PerJoint | None = parameter(
         "v_st, Stribeck velocity of static friction that is learnt too; none by default",
         "rad/s or m/s",
@@ -233,9 +233,9 @@ class ArmLearning(AbstractAdaptation):
     def _joints_after(self, x: Experience, memory: ArmLearningMemory) -> Learning:
         """The memory of each joint's own learning after a sample.
 
-        While the arm's model is in full use, they are set from it, and continue from there when the arm changes. The
-        inertia added to a joint is its learnt rotor, or more, so that with the nominal links it has at least its
-        coupled inertia. More, without the couplings, would make the feedback too strong, and less too weak.
+        While the arm's model is in full use, each joint's rotor and friction are set from it. The joint's own learning
+        starts from them when the arm changes. The rotor is the learnt one, or larger, so that with the nominal links
+        the joint has at least its coupled inertia. More would make the feedback too strong, and less too weak.
         """
         joints, arm = self.joints(x, memory.joints), self.parameters(memory.estimates.used)
         rotor = jnp.maximum(arm.rotor, memory.filter_inertia - jnp.diagonal(x.mass))
@@ -485,7 +485,7 @@ class ArmLearning(AbstractAdaptation):
     def of_arm(
         cls, joints: JointLearning, *, inertia_matrix: Any, deviation: Any, period: float, **parameters: Any
     ) -> ArmLearning:
-        """Return the adaptation for an arm, with windows of at least 40 ms and twelve periods, and their torque noise.
+        """Return the adaptation for an arm, with windows of about 40 ms and at least twelve periods, and their noise.
 
         - `joints`: adaptation of each joint alone, from `JointLearning.of_arm`.
         - `inertia_matrix`: M of the nominal arm at a working posture [n n].

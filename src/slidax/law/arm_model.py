@@ -20,13 +20,14 @@ from slidax.core.types import Matrix, PerJoint, Scalar, State, Vector
 from .adaptation import AbstractAdaptation, Believed, Experience, LearnedParameters
 
 FRICTION_SPEEDS = 0.01, 0.04
-"""rad/s or m/s: v_1 and v_2 in the two shapes `tanh(q̇/v)` of Coulomb friction; the true arm's v lies between them."""
+"""rad/s or m/s: v_1 and v_2 in the two shapes `tanh(q̇/v)` of Coulomb friction; the true arm's v may lie between."""
 
 
 class ArmParameters(eqx.Module):
     """Differences of an arm from its nominal model, in 10 + 5 n numbers.
 
-    - `payload`: body added at the tip, in the frame of the joint that carries the tip [10], kg, kg m, kg m².
+    - `payload`: body added at the tip, in the frame of the joint that carries the tip [10]: mass, mass times centre,
+      inertia about the origin (xx, yy, zz, xy, xz, yz), kg, kg m, kg m².
     - `factors`: relative change of each link's mass and inertia [n].
     - `viscous`: viscous friction [n], N m s/rad or N s/m.
     - `first`, `second`: Coulomb friction, as coefficients of `tanh(q̇/v_1)` and `tanh(q̇/v_2)`, with v_1 and v_2 from
@@ -210,8 +211,8 @@ class KnownArm(AbstractAdaptation):
     moves_bias: ClassVar[bool] = True
 
     payload: Float[Array, "10"] = parameter(
-        "body added at the tip, in the frame of the last joint: mass, mass times centre, inertia about the origin "
-        "(xx, yy, zz, xy, xz, yz)",
+        "body added at the tip, in the frame of the joint that carries the tip: mass, mass times centre, inertia "
+        "about the origin (xx, yy, zz, xy, xz, yz)",
         "kg, kg m, kg m²",
         default=(0.0,) * PAYLOAD,
     )

@@ -26,10 +26,10 @@ WAIT = 0.1
 """s: time for which a joint must be well inside its envelope before its steps are calm."""
 
 ERROR_SHARE, LED_SHARE = 0.2, 0.3
-"""A joint is well inside its envelope if error and led error are below these shares of the narrower side of theirs."""
+"""A joint is well inside if error and led error are below these shares of the narrower side of their envelopes."""
 
 SUDDEN, USUAL_TIME = 6.0, 1.0
-"""Change of the estimated disturbance that ends calm steps, over its recent mean; and that mean's time constant, s."""
+"""Change of the estimated disturbance that ends calm steps, over its recent mean; and the mean's time constant, s."""
 
 DAMPING, TURN = 0.7, 0.71
 """Real and imaginary part of a pair of poles, over the bandwidth; the third pole is real, at the bandwidth."""
@@ -42,7 +42,8 @@ largest relative excess of the error over the threshold that counts."""
 class Calm(AbstractPart):
     """Settings of the calm step.
 
-    A joint's bandwidth is `ω0 (M0_ii)^(-1/3)` with its nominal inertia M0_ii, and larger while its error is large.
+    A joint's bandwidth is `ω0 (M0_ii)^(-1/3)` with its nominal inertia M0_ii, and larger while its error is large, but
+    at most `fastest`.
     """
 
     title = "Smallest torque changes while the error is well inside its envelope."
@@ -91,9 +92,9 @@ class CalmStep(AbstractStep):
 
     In one period y moves to `(1 - h/H) y + (h/H) ρ_a ψ`, as in the law's own step (docs/sampled-data.md). The law's own
     step is used for a joint while `|e|` exceeds 0.2, or `|y|` 0.3, of its envelope's narrower side, and 0.1 s longer.
-    It is used for all joints after lost samples, after a limit of the drives has acted, and after a sudden disturbance:
-    a change of ŵ by more than six times its mean over the last second. It is also used while a learnt model of the arm
-    is not in full use.
+    It is used for all joints during a recovery (`Recovery`), after lost samples, after a limit of the drives has acted,
+    and after a sudden disturbance: a change of ŵ by more than six times the mean change of the last second. It is also
+    used while a learnt model of the arm is not in full use.
 
     The bandwidth `ω = ω0 (M0_ii)^(-1/3)` minimises the sum of squared error and torque change for every inertia. While
     `|e|` exceeds the share `near` of the narrower side, ω grows by up to `exp(90 h)` in each period. Otherwise it falls

@@ -1,4 +1,4 @@
-"""Base classes of all controllers."""
+"""Base classes of all controllers. The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class AbstractController(AbstractPart):
 
         - `t`: time at the start [s].
         - `state`: measured positions and velocities.
-        - `reference`: desired motion of the joints then.
+        - `reference`: desired motion of the joints at that time.
         """
 
     @abstractmethod
@@ -56,8 +56,9 @@ class AbstractController(AbstractPart):
         """Return the law as an implicit Euler step over a horizon, for `sampled_data`; None if it has no such form.
 
         - `recovery`: policy outside the envelope; None: return to the prescribed envelope.
-        - `slopes`: the size u of the robust torque grows with the other torque τ0 + τ1, the paper's eq. (45). True
-          includes in it the acceleration that keeps s constant, as printed. False leaves it out: u is smaller.
+        - `slopes`: the size u of the robust torque grows with the law's other torque τ0 + τ1, the paper's eq. (45).
+          True includes in τ0 + τ1 the torque that keeps the sliding variable s constant, as the paper does. False
+          leaves this torque out, so that u is smaller.
         """
         return None
 
@@ -69,7 +70,7 @@ class AbstractController(AbstractPart):
 class AbstractModelBased(AbstractController):
     """A law that uses a nominal arm model; by default it has no envelope and no memory."""
 
-    nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
+    nominal: AbstractRobot = piece("the robot as the law knows it: inertia M0, Coriolis matrix C0, gravity torque G0")
 
     def __check_init__(self) -> None:
         robot = type(self.nominal).__name__
@@ -91,11 +92,14 @@ class AbstractModelBased(AbstractController):
 
 
 class AbstractSurfaceBased(AbstractModelBased):
-    """A law with the sliding variable `s = ė + A e + φ(ε1)` of the paper's eq. (40), with the transformed error ε1."""
+    """A law with the sliding variable `s = ė + A e + φ(ε1)` of the paper's eq. (40).
+
+    e is the tracking error, ε1 the transformed error, and A the diagonal matrix of `TransformedError`.
+    """
 
     plans: ClassVar[bool] = True
 
-    transformation: AbstractTransformation = piece("error transformation: e to ε1, with A and B")
+    transformation: AbstractTransformation = piece("error transformation from e to ε1")
     surface: AbstractSurface = piece("φ(ε1), the surface over the transformed error")
 
     def init(self, t: Scalar, state: State, reference: Reference) -> Memory:

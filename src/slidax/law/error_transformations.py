@@ -171,7 +171,7 @@ class AbstractTransformation(AbstractPart):
 
 
 SLIMMEST = 0.1
-"""Smallest radius of the led envelope over that of the envelope; it limits the lead while the envelope narrows fast."""
+"""Least led radius over the radius ρ. The led radius is raised to it while the envelope narrows fast."""
 
 
 class PrescribedPerformance(AbstractTransformation):

@@ -63,7 +63,7 @@ class AbstractEstimator(AbstractPart):
     def for_inertia(self, inertia: Vector) -> AbstractEstimator:
         """Return the estimator for joints of another inertia; `self` if the estimator does not depend on inertia.
 
-        - `inertia`: the diagonal of M̂ [n], kg m² or kg.
+        - `inertia`: inertia of each joint from `AbstractAdaptation.filter_inertia` [n], kg m² or kg.
         """
         return self
 
@@ -226,11 +226,11 @@ NEWTON_STEPS = 5
 
 
 class RobustDifferentiator(AbstractEstimator):
-    """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ -λ2 L Sgn(σ0) - dŵ/dt`, implicit in time.
+    """`σ̇0 = σ1 - λ0 L^⅓ sig^⅔(σ0)`, `σ̇1 = σ2 - λ1 L^⅔ sig^⅓(σ0)`, `σ̇2 ∈ dw/dt - λ2 L Sgn(σ0)`, implicit in time.
 
-    σ0, σ1, σ2 are the errors of position, velocity and disturbance. They reach zero in finite time if the disturbance
-    changes no faster than L. `λ0 = 2`, `λ1 = 2.12`, `λ2 = 1.1`, and `sig^a(x) = |x|^a sgn(x)`. Measured velocities are
-    not used.
+    σ0, σ1, σ2 are true minus estimated position, velocity and disturbance, and w is the true disturbance. The errors
+    reach zero in finite time if `|dw/dt| <= L`. `λ0 = 2`, `λ1 = 2.12`, `λ2 = 1.1`, and `sig^a(x) = |x|^a sgn(x)`.
+    Measured velocities are not used.
 
     With the measured position q', an implicit Euler step has `r = q' - q_predicted`, `R = |r|/(L h³)` and the unknown
     y, which gives the remaining position error `σ0 = L h³ y³ sgn(r)`. y solves `y³ + λ0 y² + λ1 y + λ2 s = R`, where
@@ -279,7 +279,7 @@ def _root(rest: Vector) -> Vector:
     """Return the y >= 0 with `y³ + λ0 y² + λ1 y = rest`, for `rest >= 0`.
 
     The left side is increasing and convex, so Newton's steps from above never pass the root. Each of the three terms
-    alone would give a larger y; the least of these is at most 1.4 times the root.
+    alone would give a larger y; the least of these is at most 1.75 times the root.
     """
     l0, l1, _ = GAINS
     outside = rest > 0

@@ -1,7 +1,8 @@
 """Implicit Euler steps of controllers with a sliding surface `s = ė + A e + φ(ε1)`, the paper's eq. (40).
 
-In each period h a step computes a plan: one implicit Euler step over the horizon H, with s⁺ the sliding variable at its
-end. It uses the led error `y = e + c ė`, the error extrapolated by the lead time `c = H - h/2`.
+In each period h a step computes a plan: one implicit Euler step over the horizon H. s⁺ is the sliding variable at the
+plan's end. A plan uses the led error `y = e + c ė`, the tracking error e extrapolated by the lead time `c = H - h/2`.
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w.
 """
 
 from __future__ import annotations
@@ -184,7 +185,7 @@ class AbstractSurfaceStep(AbstractStep):
     measurement, inside or outside the envelope.
     """
 
-    nominal: AbstractRobot = piece("the robot as the law knows it, M0, C0, G0")
+    nominal: AbstractRobot = piece("the robot as the law knows it: inertia M0, Coriolis matrix C0, gravity torque G0")
     transformation: AbstractTransformation = piece("error transformation of the printed law: e to ε1")
     surface: AbstractSurface = piece("surface of the printed law: φ(ε1)")
     recovery: Recovery | None = piece("policy outside the envelope; None: return to the prescribed envelope")
@@ -293,14 +294,14 @@ class AbstractSurfaceStep(AbstractStep):
         return self.transformation.envelope(t, memory.sides)
 
     def _measured(self, frame: EnvelopeFrame, y: Vector, v: Vector, horizon: Scalar) -> tuple[Vector, Vector]:
-        """`s = ė + A y + φ(ε)` and ε from the measurement, with y clipped to the led envelope."""
+        """`s = ė - (ρ̇_y/ρ_y) y + φ(ε)` and ε from the measurement; ε is that of y clipped to the led envelope."""
         eps = frame.transformed(y)
         drift = (frame.now - frame.ahead) / (horizon * frame.now)
         return v + drift * y + self.surface.phi_and_slope(eps)[0], eps
 
 
 def _slowness(moment: StepInput) -> Vector:
-    """1/a [n], s²/rad or s²/m: a is each joint's acceleration within the torque limits, under the arm's weight."""
+    """1/a [n], s²/rad or s²/m: a is an acceleration that the torque limit leaves to each joint after C0 q̇ + G0."""
     limit = moment.limits.torque
     mass: Matrix = jnp.abs(moment.mass)
     return jnp.sum(mass, axis=1) / jnp.maximum(limit - jnp.abs(moment.bias), 0.25 * limit)

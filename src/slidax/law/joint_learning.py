@@ -65,13 +65,13 @@ class JointLearning(AbstractAdaptation):
       information matrix is scaled back when it exceeds `window` or `coulomb_window`.
     - J is updated only if |φ| is above `gate`, a multiple of the encoder noise in the band: noise in φ would bias the
       inertia towards zero.
-    - J is updated only while torque and acceleration are coherent, `(φ z)² > coherence φ² z²` in means over `recent`
-      with `z = y - f c`. A torque that moves the joint is in phase with its acceleration. The weight of a payload that
-      is taken up or released is not.
+    - J is updated only while torque and acceleration are coherent: `φ z > 0` and `(φ z)² > coherence φ² z²` in means
+      over `recent`, with `z = y - f c`. A torque that moves the joint is in phase with its acceleration. The weight of
+      a payload that is taken up or released is not.
     - With the links' inertia `L = M0_ii - J0`, J stays in `[rotor_min - 0.6 L, rotor_max + L]`, and f in
       `[0, coulomb_max]`. M̂ is therefore positive definite and bounded for all measurements.
 
-    Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Astrom and Wittenmark,
+    Source: docs/learning.md. Recursive least squares: Ljung, System Identification, 1999; Åström and Wittenmark,
     Adaptive Control, 1995.
     """
 
@@ -186,8 +186,8 @@ class JointLearning(AbstractAdaptation):
 
         For a joint with J0 = 0 the first guess of J is 0.002 kg m² for each N m of rated torque (docs/learning.md). The
         limits of J are 0.0005 and 0.1 kg m² for each N m. With `rotors=None` the first guess and the lower limit are 0.
-        The upper end of the band is 200 rad/s, or as low as 120 rad/s if three times the encoder noise would exceed
-        0.2 rad/s².
+        f is at most 0.1 times the rated torque. The upper end of the band is 200 rad/s, or as low as 120 rad/s if three
+        times the encoder noise would exceed 0.2 rad/s². `gate` is three times this noise, at least 0.2 rad/s².
 
         - `mass`: inertia matrix of the nominal arm at a working posture [n n].
         - `rotors`: J0, the model's rotor inertia, one number or [n], kg m² or kg; None for a model without rotors.

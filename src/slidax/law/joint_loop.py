@@ -12,8 +12,8 @@ from .kalman import Kalman, StrongTracking
 from .sampled.controller import SampledData
 
 INPUTS = ("position noise", "velocity noise", "target", "disturbance", "disturbance at the end")
-"""Inputs: noise of the measured position and velocity; the target of a plan, the led error at its end; and the arm's
-acceleration disturbance at the start and at the end of the period, linear between them."""
+"""Inputs: noise of the measured position and velocity; the target of a plan, which is the led error at the plan's end
+(`LinearLoop`); and the arm's acceleration disturbance at the start and at the end of the period, linear between."""
 
 OUTPUTS = ("error", "velocity", "led", "predicted velocity", "command", "planned", "estimate")
 """Outputs: e and ė of the arm when a new torque sets in, a fractional delay after a sample; the predicted led error ŷ
@@ -62,11 +62,13 @@ class LinearLoop:
 
     @classmethod
     def of(cls, law: SampledData, joint: int, cutoff: float | None = None) -> LinearLoop | None:
-        """Return the loop of one joint; None for a law without a horizon, or an estimator that is not linear.
+        """Return the loop of one joint; None for a law without a horizon.
 
-        A `StrongTracking` filter, whose bandwidth grows with large innovations, counts with its least bandwidth.
+        The result is also None for estimators other than `Kalman`, `StrongTracking` and `Measured`. `StrongTracking`,
+        whose bandwidth grows with large innovations, counts with its least bandwidth.
 
         - `law`: law in sampled-data form.
+        - `joint`: index of the joint, from 0.
         - `cutoff`: c of the low-pass of differenced velocities [rad/s]; None for a velocity sensor.
         """
         estimator = law.estimator

@@ -1,4 +1,4 @@
-"""Steady-state Kalman filters of each joint, from measured positions, and one whose bandwidth grows."""
+"""Steady-state Kalman filters of each joint, from measured positions, and a filter whose bandwidth grows."""
 
 from __future__ import annotations
 
@@ -146,8 +146,8 @@ class Kalman(AbstractEstimator):
     def steady(cls, *, density: Any, variance: Any, period: Any) -> Kalman:
         """Return the steady-state filter for a disturbance acceleration that drifts as a random walk.
 
-        - `density`: spectral density of dŵ/dt, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The disturbance's
-          drift in a time t has the standard deviation `√(density t)`.
+        - `density`: spectral density of the disturbance's rate, one number or [n], (rad/s³)² s or (m/s³)² s, > 0. The
+          disturbance's drift in a time t has the standard deviation `√(density t)`.
         - `variance`: variance of a measured position, one number or [n], rad² or m², > 0; `r²/12` for a resolution r.
         - `period`: time between two samples [s], > 0.
 
@@ -268,7 +268,7 @@ class StrongTracking(AbstractEstimator):
 
     title = "A Kalman filter that becomes faster while its innovations are large."
 
-    filter: Kalman = piece("the filter without growth, with a pace")
+    filter: Kalman = piece("the filter without growth, from `Kalman.of_arm`")
     deviation: Vector = parameter("σ, standard deviation of a measured position", "rad or m", "> 0")
     growth: Scalar = parameter("largest factor of the bandwidth", "", ">= 1", default=2.0)
     share: Scalar = parameter("share of the growth that is allowed", "", "[0, 1]", default=1.0)

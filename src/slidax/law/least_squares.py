@@ -1,7 +1,7 @@
 """Recursive least squares for the parameters θ of an arm, from smooth windows over the samples.
 
 A window is a weighted sum over successive samples. It yields one equation `y = aᵀθ` for each joint. The innovation of
-an equation is `y - aᵀθ`. A covariance P is packed: it is its lower triangle, row by row.
+an equation is `y - aᵀθ`. A covariance P is stored packed: its lower triangle, row by row.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ class Equations(eqx.Module):
 
     A window is loud for a model if a joint's innovation is far above its usual size (`model_trust.LOUD`).
 
-    - `inertial`: derivative of each joint's torque by the b parameters of payload and links [n b].
-    - `drives`: derivative of each joint's torque by its own k other parameters [k n].
+    - `inertial`: derivative of each joint's torque with respect to the b parameters of payload and links [n b].
+    - `drives`: derivative of each joint's torque with respect to its own k other parameters [k n].
     - `y`: torque that the nominal arm does not explain [n], N m or N.
-    - `inertia`, `nominal`: derivative of M_ii by payload and link factors [b], and M_ii of the nominal arm, for the
-      joint i = `Estimates.turn`.
+    - `inertia`, `nominal`: derivative of M_ii with respect to payload and link factors [b], and M_ii of the nominal
+      arm, for the joint i = `Estimates.turn`.
     - `weights`: weight of each equation, the usual variance of its noise over the assumed one [n]; 0 if it is not used.
     - `valid`: True for a window without lost samples.
-    - `loud`: True if the window is loud: for the learnt model, and for the last good model.
+    - `loud`: True if the window is loud for the learnt model, and for the last good model [2].
     - `fits`: True if the loss of a share of the payload explains the window.
-    - `lost`: the lost share, if it explains this loud window and the previous one; otherwise 0.
+    - `lost`: the lost share, if it explains this loud window, and a loss also explained the previous one; otherwise 0.
     - `left`: innovation that remains with the lost share [n], N m or N.
     """
 
@@ -123,7 +123,7 @@ NOISE = 0.02
 
 
 def window_noise(inertia_matrix: Any, deviation: Any, samples: int, period: float) -> NDArray[np.float64]:
-    """Return the standard deviation of a window's torque [n], N m or N: `NOISE`, or more by the encoders' noise.
+    """Return the standard deviation of a window's torque [n], N m or N: from the encoders' noise, at least `NOISE`.
 
     By the second derivative of the window's weights, white position noise causes an acceleration noise with the
     standard deviation `σ (2π/T)² (4/3) √(h/T)`.
@@ -160,6 +160,7 @@ def window_sums(
 
     - `sums`: the sums before this sample.
     - `slot`: number of this sample in its quarter of a window, 0 .. `samples` - 1.
+    - `samples`, `period`: number of samples in a quarter of a window, and h [s].
     - `q`: measured positions at this sample [n], rad or m.
     - `tau`: mean torque in the period before this sample [n].
     - `shapes`: torques for coefficients of 1 (`friction_shapes`, `TorqueShapes.of`) at this sample, [n] each.

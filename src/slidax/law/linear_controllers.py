@@ -1,4 +1,8 @@
-"""PID, PD with gravity compensation, and computed torque."""
+"""PID, PD with gravity compensation, and computed torque.
+
+e is the tracking error `q - q_d`. M0, C0 and G0 are the nominal arm's inertia matrix, Coriolis matrix and gravity
+torque.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,8 @@ class JointPID(AbstractModelBased):
 
     The integral of a joint stops while `|τ|` is at or above `limit` and the error would raise it further
     (conditional integration), so that it does not wind up. In sampled-data form all integrals stop while any
-    limit withholds torque. `g` is 0 unless the weight is to be compensated; the model has no other use.
+    limit withholds torque. `g` is the compensated share of the nominal arm's weight. The printed law uses nothing else
+    of the arm's model.
 
     Source: Åström and Hägglund, Advanced PID Control, 2006, section 3.5 (windup).
 

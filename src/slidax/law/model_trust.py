@@ -95,7 +95,10 @@ class Trust(eqx.Module):
 
     @classmethod
     def init(cls, joints: int, variance: PerJoint) -> Trust:
-        """Return the evidence before the first window; `variance`: of a window's torque noise, (N m)² or N²."""
+        """Return the evidence before the first window.
+
+        - `variance`: variance of a window's torque noise, one number or [n], (N m)² or N².
+        """
         nothing = jnp.zeros(())
         return cls(
             energy=jnp.zeros((3, joints)),
@@ -116,7 +119,7 @@ class Trust(eqx.Module):
 
         It is larger while the model is learnt or on probation, so that no single event decides a parameter.
 
-        - `variance`: of a window's torque noise, which is returned for a proven model.
+        - `variance`: variance of a window's torque noise, which is returned for a proven model.
         """
         return jnp.where(self.relearns | (self.since < PROBATION), UNSURE * self.usual, variance)
 
@@ -129,15 +132,15 @@ class Trust(eqx.Module):
         variance: PerJoint,
         duration: Scalar,
     ) -> tuple[Trust, Bool[Array, "2"]]:
-        """Return the evidence after a window, and whether it is loud for the learnt, and for the last good model [2].
+        """Return the evidence after a window, and True if it is loud for the learnt, and for the last good model [2].
 
         A window without motion is no evidence for the last good model: it counts as loud for that model.
 
-        - `innovations`: of the learnt and of the last good model [2 n], N m or N.
+        - `innovations`: innovations of the learnt and of the last good model [2 n], N m or N.
         - `torque`: torque that a model has to explain [n], N m or N.
         - `direction`: c, mean of `tanh(q̇/v_1)` [n].
         - `heard`: True for each joint that moves in a valid window.
-        - `variance`: of a window's torque noise, (N m)² or N².
+        - `variance`: variance of a window's torque noise, (N m)² or N².
         - `duration`: time from one window to the next [s].
         """
         squares = jnp.square(jnp.concatenate([innovations, torque[None]]))
@@ -177,7 +180,8 @@ class Trust(eqx.Module):
         """Return the weights of a window's equations in the least squares [n], 0 (not used) to 1.
 
         While the arm is learnt, loud windows count, too. After the time `PROVEN` of learning, an equation counts less
-        the larger its innovation is, so that an external push does not replace earlier information.
+        the larger its innovation is, so that an external push does not replace earlier information. Once the arm is
+        learnt, a loud window has the weight 0, except during `RELIEF`.
 
         - `self`: the evidence before the window.
         - `squares`: squared innovations of the learnt model [n], (N m)² or N².
@@ -222,25 +226,25 @@ def judge(
     - Lost samples, as when predictions fail: after a loud window, or with a model that is not `PROVEN`, they count as
       loud. The joints' own learning replaces the model after `BLIND`.
     - Lasting change: after `LASTING` of loud windows the arm is learnt anew, with the joints' own learning in use. The
-      new model is used once it knows each inertia and then has not failed for `PROBATION`; a push ends earlier. The
-      last good model returns as soon as it explains the torque again. It also replaces a model in use that explains the
-      torque less well, or whose windows are loud for `CONFIRMED` while those of the good model are not.
+      new model is used once it knows each inertia and then has not failed for `PROBATION`; most pushes are shorter.
+      The last good model returns once it has explained the torque for `CONFIRMED`. It also replaces a model in use that
+      explains the torque less well, or whose windows are loud for `CONFIRMED` while those of the good model are not.
     - A model that fails while it is learnt is learnt anew. After the time `PROVEN` of learning, this needs loud windows
       for `LASTING`.
     - Without a good model: a first model that misses less than the share `EXPLAINS` of the torque's energy stays in
       use instead of being learnt anew. For `RELIEF` all windows update it.
-    - Lost payload: if it explains a loud window, the model changes at once and stays in use. The innovation that
+    - Lost payload: if it explains two windows in a row, the model changes at once and stays in use. The innovation that
       remains counts as usual, and for `RELIEF` all windows update the model.
     - Changed friction: if it explains the loud windows of a lasting change, the model takes it over and stays in use.
 
     - `trust`: evidence before the decision, from `Trust.after_window`.
     - `certain`: True if the model knows each joint's inertia.
     - `valid`: True for a window without lost samples.
-    - `loud`: True if the window is loud: for the learnt, and for the last good model.
-    - `lost`: share of the payload whose loss explains a loud window; 0 for none.
+    - `loud`: True if the window is loud for the learnt, and for the last good model [2].
+    - `lost`: share of the payload whose loss explains the loud window (`Equations.lost`); 0 for none.
     - `left`: innovation that remains with this loss [n], N m or N.
     - `rubbed`: True if changed friction explains the loud windows.
-    - `variance`: of a window's torque noise, (N m)² or N².
+    - `variance`: variance of a window's torque noise, (N m)² or N².
     - `duration`: time from one window to the next [s].
     """
     learnt, good, torque = trust.energy

@@ -164,7 +164,7 @@ ftsmppc = Preset(
     """Fixed-time terminal sliding mode with prescribed performance (FTSMPPC), the paper's [33].
 
     CFTSMPPC with `ŝ^p` of (78) in place of the smooth `s^p` of (29). The paper prints its parameters, not its law:
-    reconstructed, confidence medium.
+    reconstructed, with medium confidence.
     """,
     source="Table 1",
     transformation=PresetPart(PrescribedPerformance),
@@ -179,9 +179,9 @@ ftsmc = Preset(
     """Fixed-time terminal sliding mode without an envelope (FTSMC), the paper's [23].
 
     `s = ė + K1 Ŝ^p(e) + K2 Sig^q(e)` with `ŝ^p` of (78); `u = (k + b0 + b2‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, without b1. The
-    paper prints its parameters, not its law: the form follows from (34)-(47), (78), (79); reconstructed, confidence
-    medium in the details. Table 1 lists no boundary layer, hence the unit vector; but the paper's figure 4 looks like a
-    run with `layer=0.05`.
+    paper prints its parameters, not its law: the form follows from (34)-(47), (78), (79); reconstructed, with
+    medium confidence in the details. Table 1 lists no boundary layer, hence the unit vector; but the paper's figure 4
+    looks like a run with `layer=0.05`.
     """,
     source="Table 1",
     transformation=PresetPart(Unconstrained),
@@ -196,8 +196,8 @@ sfsmc = Preset(
     """Singularity-free fixed-time sliding mode (SFSMC), the paper's [24].
 
     `s = ė + C1 S_α(e) + C2 Sig^β(e)`; `u = (k + a0 + a1‖q̇‖² + γ‖τ0 + τ1‖)/(1 - γ)`, a0 as b0 and a1 as b2: the law
-    has no b1. The paper prints its parameters, not its law: reconstructed, confidence medium. In Example 4.2 the first
-    torque of joint 3 is 44.4 N, where the paper prints 45.37 N.
+    has no b1. The paper prints its parameters, not its law: reconstructed, with medium confidence. In Example 4.2 the
+    first torque of joint 3 is 44.4 N, where the paper prints 45.37 N.
     """,
     source="Table 2",
     transformation=PresetPart(Unconstrained),

@@ -1,8 +1,8 @@
 """Reaching laws: the torque that drives the sliding variable s to zero.
 
 The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w; numbers such as [24] are its references. Powers
-keep the sign: `sig^a(x) = |x|^a sgn(x)`, and `Sig^a` for each entry of a vector. In an implicit step over the horizon H
-s⁺ is the sliding variable at its end, and M0 the nominal inertia matrix.
+keep the sign: `sig^a(x) = |x|^a sgn(x)`, and `Sig^a` for each entry of a vector. An implicit step is one implicit Euler
+step over the horizon H. s⁺ is the sliding variable at the end of this step, and M0 the nominal inertia matrix.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ class AbstractReaching(AbstractPart):
 
 
 STEPS = 64
-"""Largest number of Newton steps and halvings; two to four are nearly always enough."""
+"""Largest number of Newton steps, repeated and shortened ones included; two to four are nearly always enough."""
 
 
 TINY = 1e-150
-"""Smallest divisor of a division by a length; its square does not underflow."""
+"""Lower bound of a length that is a divisor; its square does not underflow."""
 
 
 @runtime_checkable
@@ -100,7 +100,7 @@ def proximal_step(reaching: Reaching, metric: Matrix, s: Vector, u: Scalar) -> V
     """Return the s⁺ with `A (s⁺ - s) = -P(s⁺) - u N(s⁺)`, `N(s) = s/(‖s‖ + s0)`, [n], rad/s or m/s.
 
     For s0 = 0, N(0) is the set of all vectors of length 1 or less. P and N are monotone and A is positive definite, so
-    that there is exactly one s⁺. With s0 = 0 it is zero where `‖A s‖ <= u`.
+    that there is exactly one s⁺. With s0 = 0, s⁺ is zero where `‖A s‖ <= u`.
 
     Otherwise Newton's method starts from the root of an approximate equation without P. A step that does not halve the
     residual r is repeated with the chords of P as slopes, and then shortened until r decreases. r never grows. The
@@ -215,7 +215,10 @@ def _solve_proximal_step_jvp(primals: Any, tangents: Any) -> tuple[Vector, Vecto
 
 
 class FixedTimeReaching(AbstractReaching):
-    """`-K0 Sig^r(s) - u s/(‖s‖ + s0)`, the paper's eqs. (43), (51), (44) for s0 = 0; `Sig^r(s) = |s|^r sgn(s)`."""
+    """Torque `-K0 Sig^r(s) - u s/(‖s‖ + s0)`, the paper's eqs. (43) and (51), or (44) for s0 = 0.
+
+    s is the sliding variable, u the size of the robust torque, and `Sig^r(s) = |s|^r sgn(s)` for each joint.
+    """
 
     title = "The reaching law of the paper: a power and a unit vector, discontinuous or smoothed."
 
@@ -257,7 +260,7 @@ class FixedTimeReaching(AbstractReaching):
         return s + step
 
     def require_implicit(self) -> None:
-        """Raise DefinitionError if K0 is a full matrix: K0 Sig^r is not monotone then, so that a step may not exist."""
+        """Raise DefinitionError if K0 is a full matrix: K0 Sig^r is not monotone then, and s⁺ may not exist."""
         if self.gain.ndim == 2:
             raise DefinitionError(
                 "`FixedTimeReaching.gain` must be one number or a diagonal [n] for an implicit step, since a full "
@@ -277,8 +280,8 @@ LEAST = 1e-30
 class TwoPowerReaching(AbstractReaching):
     """Torque `-K1 Sig^v1(s) - K2 Sig^v2(s) - u s/(‖s‖ + s0)`, `v1 > 1 > v2`: fast far from 0, in finite time near it.
 
-    The reaching law of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2;
-    confidence medium. `Sig^v(s) = |s|^v sgn(s)`.
+    The reaching law of the scheme that the paper cites as [24]. Reconstructed from the parameters in the paper's
+    Table 2, with medium confidence. `Sig^v(s) = |s|^v sgn(s)`.
     """
 
     title = "The reaching law with two powers, above and below one."
@@ -336,7 +339,7 @@ class SaturatedReaching(AbstractReaching):
     """Torque `-K_D s - u w ∘ sat(s/φ)`, with the product ∘ of entries.
 
     For φ = 0 sat is the sign, which is set-valued at 0 in the implicit step.
-    Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, where `u w = K`.
+    Source: Slotine and Li, Applied Nonlinear Control, 1991, chapters 7 and 9, with the gain `K = u w`.
     """
 
     title = "The textbook reaching law: damping, and a saturated torque for each joint."

@@ -159,8 +159,8 @@ class NonsingularFastTerminal(AbstractModelBased):
     `τ = C0 q̇ + G0 + M0 (q̈_d - Γ2⁻¹ (I + Γ1 |e|^(Γ1-1)) sig^(2-Γ2)(ė) - M2 s - (η + M1) s/(‖s‖ + s0))`.
     Nonsingular since 1 < Γ2 < 2. The matrix norm is the spectral one. `sig^a(x) = |x|^a sgn(x)`.
 
-    The paper prints its parameters, not its law; this law comes from public code with the same names and values. Its
-    identity with [7] has medium to high confidence. Defaults are those of Table 2, which lists no boundary layer, hence
+    The paper prints its parameters, not its law; this law comes from public code with the same names and values. It is
+    the law of [7] with medium to high confidence. Defaults are those of Table 2, which lists no boundary layer, hence
     the unit vector; the printed accuracy is about that of a run with `layer=3e-4`.
 
     Signals: `s` [n], `u`, the size `η + M1` of the robust acceleration.
@@ -211,7 +211,7 @@ class AdaptiveNonsingularFastTerminal(AbstractModelBased):
     `b̂0' = λ0 W`, `b̂1' = λ1 W ‖q‖`, `b̂2' = λ2 W ‖q̇‖²`, `W = Σ_i |s_i| |ė_i|^(β-1)`. `sig^a(x) = |x|^a sgn(x)`.
 
     The paper prints its parameters, not its law; this structure comes from a re-implementation of a follow-up paper.
-    The place of k = 250 has low confidence: with it joint 3 of Example 4.2 starts at 215 N, where the paper prints
+    It is uncertain that k = 250 belongs to s: with it joint 3 of Example 4.2 starts at 215 N, where the paper prints
     39.44 N. Defaults are those of Table 2 except α: the printed 0.2 is singular at e = 0 and does not converge, so it
     is refused here. The follow-up's α = 2 gives settling times within 0.05 s of the printed ones. Table 2 lists no
     boundary layer, hence the sign.

@@ -40,7 +40,7 @@ def _is_own(part: Any) -> bool:
 
 @dataclass(frozen=True)
 class _Key:
-    """A law; laws that differ in their numbers alone are equal."""
+    """Key of the cache of checks: laws that differ in their numbers alone have equal keys."""
 
     kind: type[AbstractController]
     tree: Any
@@ -72,8 +72,9 @@ def _require(key: _Key) -> None:
     before, later = (jax.tree.map(lambda x: (x.shape, x.dtype.name), tree) for tree in (memory, after))
     if before != later:
         raise DefinitionError(
-            f"{where}: the memory must keep the form that `init` gives it, {_form(memory)}; got {_form(after)}: return "
-            "the same arrays with the same shapes and types from `init` and `__call__`"
+            f"{where}: the memory, or its `rate` if there is one, must keep the form that `init` gives the memory, "
+            f"{_form(memory)}; got {_form(after)}: return the same arrays with the same shapes and types from `init` "
+            "and `__call__`"
         )
     for name, value in command.signals.items() if isinstance(command.signals, dict) else [("", command.signals)]:
         _require_arrays(value, f"the signal `{name}`" if name else "`signals`, a dictionary of arrays,", where)

@@ -31,7 +31,7 @@ class StepInput(eqx.Module):
     - `period`: h [s].
     - `horizon`: H [s]; None for a law without a plan.
     - `planned`: True if the last sample was one period ago, and no limit changed its torque.
-    - `expected`: the velocity that the last sample planned for this one [n], rad/s or m/s.
+    - `expected`: the velocity that the last sample planned for the time t [n], rad/s or m/s.
     - `disturbance`: ŵ, the acceleration that the model does not explain [n], rad/s² or m/s².
     - `settled`: True while the law uses a learnt arm model with its full weight, and for a law that learns none.
     """
@@ -87,12 +87,12 @@ class AbstractStep(AbstractPart):
 
         - `t`: time at the start [s].
         - `state`: measured positions and velocities.
-        - `reference`: desired motion of the joints then.
+        - `reference`: desired motion of the joints at that time.
         - `period`, `horizon`: h and H [s]; H is None for a law without a plan.
         """
 
     def restarted(self, t: Scalar, memory: Memory) -> Memory:
-        """Return the memory for a restart at time t [s] after a jump of clock or sensor, without earlier states."""
+        """Return the memory after the gate restarts the law at time t [s] (`MeasurementGate`); by default unchanged."""
         return memory
 
     def recovers(self, t: Scalar, memory: Memory) -> Bool[Array, ""]:

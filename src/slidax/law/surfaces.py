@@ -147,9 +147,9 @@ class LinearCoreFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the straight core", "", "(0, 1]", "(eq. 78)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return φ and its derivative `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n], with F̂^p that of Ŝ^p and H^q of Sig^q.
+        """Return φ and its derivative `K1 F̂^p(ε1) + K2 H^q(ε1)`, both [n].
 
-        At |ε1| = δ, F̂^p has its value for |ε1| > δ.
+        F̂^p and H^q are the derivatives of Ŝ^p and Sig^q. At |ε1| = δ, F̂^p has its value for |ε1| > δ.
         """
         near, near_slope = linear_core_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
@@ -164,8 +164,8 @@ class SingularityFree(AbstractSurface):
     """`φ = C1 S_α(e) + C2 Sig^β(e)`: `S_α(x) = sig^α(x)` for `|x| >= δ`, else `l1 x + l2 sig^r(x)`.
 
     `l1 = (r-α)/(r-1) δ^(α-1)` and `l2 = (α-1)/(r-1) δ^(α-r)` make it continuously differentiable at δ.
-    The surface of the scheme that the paper cites as [24]. Reconstructed from the parameters of its Table 2; confidence
-    medium. `sig^α(x) = |x|^α sgn(x)`, and e is the transformed error of a law without an envelope.
+    The surface of the scheme that the paper cites as [24]. Reconstructed from the parameters in the paper's Table 2,
+    with medium confidence. `sig^α(x) = |x|^α sgn(x)`, and e is the transformed error of a law without an envelope.
     """
 
     title = "The surface of the singularity-free fixed-time scheme."
@@ -189,7 +189,10 @@ class SingularityFree(AbstractSurface):
 
 
 class SmoothFixedTime(AbstractSurface):
-    """`φ = K1 S^p(ε1) + K2 S^q(ε1)`, the paper's (29)-(40): `S^q = |ε1|^q sgn(ε1)`, and S^p is smooth in `|ε1| < δ`."""
+    """`φ = K1 S^p(ε1) + K2 S^q(ε1)`, the paper's eqs. (29)-(40).
+
+    For each joint `S^q = |ε1|^q sgn(ε1)`. S^p is `|ε1|^p sgn(ε1)` for `|ε1| >= δ`, and a smooth cubic for `|ε1| < δ`.
+    """
 
     title = "The paper's smooth fixed-time terminal surface."
 
@@ -204,7 +207,10 @@ class SmoothFixedTime(AbstractSurface):
     delta: PerJoint = parameter("δ, half-width of the smooth core", "", "(0, 1]", "(eq. 29)")
 
     def phi_and_slope(self, eps: Vector) -> tuple[Vector, Vector]:
-        """Return φ and its slope `K1 F^p(ε1) + K2 H^q(ε1)` [n]: F^p of S^p, H^q of S^q, the paper's (33)-(39)."""
+        """Return φ and its derivative `K1 F^p(ε1) + K2 H^q(ε1)`, both [n], the paper's eqs. (33)-(39).
+
+        F^p and H^q are the derivatives of S^p and S^q.
+        """
         near, near_slope = smooth_power_and_slope(eps, self.p, self.delta)
         far, far_slope = sig_and_slope(eps, self.q)
         return self.k1 * near + self.k2 * far, self.k1 * near_slope + self.k2 * far_slope

@@ -1,7 +1,8 @@
-"""Reference motions of the joints: closed forms, motions through waypoints, tables, and tool paths.
+"""Reference motions of the joints: closed forms, motions through waypoints, tables, tool paths, and streams.
 
 Begin with `trajectory.py`, which has the base class. `waypoints.py` plans motions within limits, `tabulated.py` reads
-them from files, and `follow.py` turns the moves of a tool (`moves.py`) into a motion of the joints.
+them from files, and `follow.py` turns the moves of a tool (`moves.py`) into a motion of the joints. `stream.py` smooths
+positions that another computer sends during the run.
 """
 
 from .follow import ToolPath as ToolPath

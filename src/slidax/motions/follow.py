@@ -58,14 +58,14 @@ def path_end_message(task: PoseTask, move: TimedCurve, caught: PathEnd, now: flo
     if float(sizes[1][rank - 1]) < NEAR_SINGULAR:
         why = f"{_stretched(weak)}; keep away from it, or accept a small pose error there with `damping`"
     elif held:
-        why = f"{' and '.join(held)}; begin in another posture, or give another `posture`"
+        why = f"{' and '.join(held)}; begin in another posture, or prefer another one with `posture`"
     else:
         why = "the arm has no posture beyond it; begin in another posture, or hold fewer coordinates with `hold`"
     return f"the tool cannot follow {_describe_position(move, caught.s, now)}: {why}{end}"
 
 
 def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPath, now: float) -> None:
-    """Raise DefinitionError if a joint exceeds a position limit; it names the first time and the tool's position then.
+    """Raise DefinitionError, with the first time and the tool's position then, if a joint exceeds a position limit.
 
     - `now`: start of the move [s].
     """
@@ -96,7 +96,7 @@ def require_within_range(chain: KinematicChain, move: TimedCurve, path: JointPat
 
 
 def require_within_rates(chain: KinematicChain, path: JointPath, fastest: Array, strongest: Array, now: float) -> None:
-    """Raise DefinitionError if a joint exceeds its velocity or acceleration limit; it names the necessary duration.
+    """Raise DefinitionError, with the necessary duration, if a joint exceeds a velocity or acceleration limit.
 
     - `fastest`, `strongest`: velocity and acceleration limits [n].
     - `now`: start of the move [s].
@@ -200,7 +200,7 @@ class ToolPath:
             f"{count_noun(len(self.ends), 'move')}, {float(self.trajectory.until):.4g} s, "
             f"{count_noun(self.trajectory.times.size - 1, 'quintic')}; "
             f"the tool is within {self.position_error:.1e} m{turn}; it is nearest to a singularity at "
-            f"t = {self.worst_at:.4g} s, where it moves by {self.least_motion:.3g} in its worst direction"
+            f"t = {self.worst_at:.4g} s, where the least singular value of its Jacobian is {self.least_motion:.3g}"
         )
 
 

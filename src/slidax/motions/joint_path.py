@@ -20,7 +20,7 @@ from .moves import TimedCurve, TimeLaw
 from .splines import quintic_hermite
 
 FAR = 0.05
-"""Largest deviation of the next posture from its prediction, rad or m; farther away it may be on another branch."""
+"""Largest deviation of the next posture from its prediction, rad or m; farther away it may be another solution."""
 
 SHORTEST = 1e-5
 """Shortest step along a curve, as a fraction of the curve; the branch ends if a step must be shorter."""

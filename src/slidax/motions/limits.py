@@ -20,6 +20,8 @@ def limit(owner: str, name: str, value: object, joints: int, names: Sequence[str
     """Return a limit as an array of one number > 0 for each joint, [n]; infinity means no limit.
 
     - `owner`, `name`: class and field, for the message.
+    - `value`: one number for all joints, or a list of n.
+    - `joints`: n, the number of joints.
     - `names`: joint names, if they have any.
 
     Raises DefinitionError if a number is not positive, or if there are neither one nor n numbers.
@@ -35,6 +37,7 @@ def one_per_joint(owner: str, name: str, value: object, joints: int) -> NDArray[
     """Return an array of one number for each joint, [n], from one number for all joints or a list of n.
 
     - `owner`, `name`: class and field, for the message.
+    - `joints`: n, the number of joints.
 
     Raises DefinitionError if a number is NaN, or if there are neither one nor n numbers.
     """

@@ -97,7 +97,8 @@ class TimedCurve(NamedTuple):
     - `curve`: pose of the tool as a function of the curve parameter.
     - `law`: curve parameter as a function of time; its duration is 1 s if `free`.
     - `free`: True if the duration is still to be computed from the joint limits.
-    - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad].
+    - `length`: length of the tip's path [m]; for a pure rotation, its angle [rad]. For `Through`, the sum of the
+      distances between consecutive poses [m], in which a rotation counts 0.1 m per rad.
     - `end`: pose at the end.
     - `unit`: unit of the length.
     """
@@ -117,7 +118,7 @@ class AbstractMove:
     With a `duration` the move has minimum jerk along its path. With `speed` and `acceleration` it has constant speed
     between two smooth ramps. Without these it has minimum jerk and the shortest time that the joint limits allow.
 
-    - `duration`: [s].
+    - `duration`: duration of the move [s].
     - `speed`: largest speed of the tip, m/s; for a pure rotation, rad/s.
     - `acceleration`: largest acceleration along the path, m/s² or rad/s²; only together with `speed`.
     """
@@ -183,7 +184,7 @@ class Line(AbstractMove):
         axis, spin = axis_and_angle(end @ pose.rotation.T)
         if math.pi - spin < 1e-6:
             raise DefinitionError(
-                "`Line` rotates the tool by half a turn, which has two directions: add a pose between, or use a `Screw`"
+                "`Line` rotates the tool by half a turn, whose direction is ambiguous: use two lines, or a `Screw`"
             )
         curve = _helix(pose, shift=shift, spin_axis=axis, spin=spin)
         length = float(np.linalg.norm(shift))
@@ -197,7 +198,7 @@ class Circle(AbstractMove):
 
     - `center`: a point on the axis, in the base frame [3], m.
     - `axis`: direction [3], of any length.
-    - `angle`: rad; negative for the other direction, more than 2π for several turns.
+    - `angle`: rad, right-handed about the axis; negative for the other direction, more than 2π for several turns.
     - `tool`: "fixed" keeps the tool's orientation, "turns" rotates the tool with the arc.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
@@ -224,7 +225,7 @@ class Screw(AbstractMove):
 
     - `center`: a point on the axis, in the base frame [3], m; the tip by default.
     - `axis`: direction [3], of any length.
-    - `angle`: rad; negative for the other direction.
+    - `angle`: rad, right-handed about the axis; negative for the other direction.
     - `pitch`: travel along the axis per turn, m.
     - `duration`, `speed`, `acceleration`: as in `AbstractMove`.
     """
@@ -268,6 +269,7 @@ def _rotation_move(
     tool: bool,
     radius: float,
 ) -> TimedCurve:
+    """Return the curve of a rotation about an axis, plus a shift; `tool` is True if the tool turns with it."""
     name = type(move).__name__
     if not math.isfinite(angle) or angle == 0:
         raise DefinitionError(f"`{name}.angle` must be finite and not 0; got {angle:g}", where="angle")
@@ -321,7 +323,7 @@ LARGEST_ROTATION = np.deg2rad(120.0)
 """Largest rotation between consecutive poses, rad, for which the spline stays near the slerp."""
 
 NEAR = 1e-4
-"""Largest difference between the first timed pose and the tool's pose, m or rad; the tool's pose then replaces it."""
+"""Largest difference, m or rad, of the first timed pose from the tool's pose, which then replaces the first pose."""
 
 MOST_POSES = 100_000
 """Most rows in a table of poses."""
@@ -338,10 +340,10 @@ class Through(AbstractMove):
 
     Position and quaternion are quintic splines with four continuous derivatives; the quaternion is then normalised. The
     curve begins where the previous move ended. Do not repeat this pose in `poses`. Only with `times` the first row must
-    be this pose.
+    be this pose. The tool may rotate by up to 120° from a pose to the next.
 
     - `poses`: rows of x, y, z [m], or of x, y, z, qw, qx, qy, qz; without quaternions the tool keeps its orientation.
-    - `times`: increasing time of each row [s]; the first is the start of the move.
+    - `times`: increasing time of each row [s]; only differences count, since the move starts after the previous one.
     - `duration`: duration of the whole move [s]; not together with `times`.
     - `speed`, `acceleration`: not allowed for this move.
     """
@@ -453,11 +455,13 @@ def _rows(poses: object) -> Array:
 
 
 def _aligned(rows: Array, first: int) -> Array:
-    """Return rows of poses with the signs of the quaternions such that consecutive ones are close.
+    """Return rows of poses with the signs of the quaternions such that consecutive quaternions are close.
 
-    q and -q are the same orientation.
+    The quaternions q and -q are the same orientation.
 
     - `first`: index of the row that is row 1 in messages.
+
+    Raises DefinitionError if consecutive poses differ by more than `LARGEST_ROTATION`.
     """
     rows = rows.copy()
     for row in range(1, len(rows)):
@@ -473,7 +477,7 @@ def _aligned(rows: Array, first: int) -> Array:
 
 
 def _steps(rows: Array) -> Array:
-    """Distance between consecutive poses, m; a rotation counts with a lever arm of 0.1 m."""
+    """Return the distances between k consecutive poses [k-1], m; a rotation counts with a lever arm of 0.1 m."""
     positions = np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1)
     cosines = np.clip(np.sum(rows[1:, 3:] * rows[:-1, 3:], axis=1), -1.0, 1.0)
     return np.hypot(positions, 0.1 * 2 * np.arccos(cosines))

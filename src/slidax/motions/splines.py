@@ -47,9 +47,12 @@ def quintic_hermite(
 
 
 def quintic_spline(times: NDArray[np.float64], waypoints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the coefficients of the quintic spline through waypoints [k n], at rest at both ends.
+    """Return the coefficients of the quintic spline through waypoints, at rest at both ends, [6 k-1 n].
 
-    The result is [6 k-1 n], with the highest power of `t - times[i]` first.
+    The highest power of `t - times[i]` comes first.
+
+    - `times`: times of the waypoints [k], s.
+    - `waypoints`: positions at these times [k n].
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,4 +1,7 @@
-"""Streamed references: a host sends positions at its own rate, and a filter turns them into a smooth motion."""
+"""Streamed references: a host sends positions at its own rate, and a filter turns them into a smooth motion.
+
+The filter runs once per sample of the control law, which is called the law below.
+"""
 
 from __future__ import annotations
 
@@ -133,9 +136,9 @@ class StreamFilter(AbstractPart):
     def lag(self, speed: object) -> PerJoint:
         """Return the time by which the motion lags behind a stream of constant velocity [s].
 
-        With the gain `k = K1/K2` and the braking deceleration `B = A/2` the lag is `1/k = (3/δ - 1) h` up to the speed
-        `B/k`. Above it, the braking curve determines the lag: `v/(2 B) + B/(2 k² v)`. The host's period less h is added
-        in both cases.
+        With the symbols of `StreamFilter`, the gain `k = K1/K2` and the braking deceleration `B = A/2`, the lag is
+        `1/k = (3/δ - 1) h` up to the speed `B/k`. Above this speed, the braking curve determines the lag:
+        `v/(2 B) + B/(2 k² v)`. The host's period less h is added in both cases.
 
         - `speed`: v, speed of the stream, >= 0, rad/s or m/s.
         """
@@ -192,10 +195,12 @@ class StreamFilter(AbstractPart):
 def jerk_of_drives(
     mass: Rows, torque_rate: object, bandwidth: object, acceleration: object, period: float
 ) -> NDArray[np.float64]:
-    """Return the jerk limit [n] for which the motion uses at most `TORQUE_SHARE` of the drives' torque rate limit.
+    """Return a jerk limit [n] that leaves the drives a part of their torque rate limit.
 
-    - `mass`: inertia matrix of the arm in the posture where the stream begins [n n].
-    - `torque_rate`: torque rate limit of the drives, N m/s or N/s.
+    A jerk j changes the inertial torque by `M j`. This rate is at most `TORQUE_SHARE` of the drives' limit.
+
+    - `mass`: M, inertia matrix of the arm in the posture where the stream begins [n n].
+    - `torque_rate`: torque rate limit of the drives, [n] or one number, N m/s or N/s.
     - `bandwidth`, `acceleration`, `period`: as in `StreamFilter`.
 
     Raises DefinitionError if the filter needs a larger jerk to brake.
@@ -230,8 +235,8 @@ class Streamed(AbstractPiecewisePolynomial):
     def through(times: object, positions: object, stream: StreamFilter) -> Streamed:
         """Return the motion for a recorded stream of positions.
 
-        The filter uses a position from the first sample at or after its time. The motion starts at rest at the first
-        position, and ends at rest at the last one.
+        The filter uses a position from the first sample at or after the position's time. The motion starts at rest at
+        the first position, and ends at rest at the last one.
 
         - `times`: times at which the positions arrive [k], s, increasing, the first at 0 or later.
         - `positions`: [k n], rad or m.

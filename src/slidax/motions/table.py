@@ -46,7 +46,8 @@ class MotionTable:
     - `velocities`, `accelerations`: [k n], or None.
     - `unit_is_known`: True if the data or the user gives the unit of the times.
 
-    Raises DefinitionError for fewer than two rows, times that do not increase, or numbers that are not finite.
+    Raises DefinitionError for fewer than two rows, times that do not increase, numbers that are not finite, or
+    accelerations without velocities.
     """
 
     source: str

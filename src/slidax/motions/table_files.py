@@ -41,7 +41,7 @@ class Column:
 
     - `index`: index from 0.
     - `factor`: factor that converts its values to SI.
-    - `unit`: "s", "rad" or "m"; empty if the title has no unit.
+    - `unit`: "s", "rad" or "m", also for a rate such as deg/s; empty if the title has no unit.
     """
 
     index: int

@@ -118,7 +118,7 @@ class Tabulated(AbstractPiecewisePolynomial):
 
         - `times`: [k], s, increasing.
         - `positions`: [k n], rad or m.
-        - `velocities`, `accelerations`: [k n], or None.
+        - `velocities`, `accelerations`: [k n], rad/s and rad/s², or m/s and m/s²; or None.
         - `lower`, `upper`, `velocity`, `acceleration`: limits as in `from_csv`.
 
         Raises DefinitionError, with row and joint, if the table is invalid, its velocity jumps or it exceeds a limit.

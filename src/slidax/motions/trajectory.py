@@ -1,4 +1,7 @@
-"""Trajectories: the base classes, closed-form motions, piecewise polynomials and their extremes."""
+"""Trajectories: the base classes, closed-form motions, piecewise polynomials and their extremes.
+
+Examples 4.1 and 4.2 are those of Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +104,7 @@ class Sinusoid(AbstractSmoothMotion):
 
 
 MOST_TERMS = 50
-"""Most terms in a sum: machine code computes them one by one."""
+"""Largest number of terms in an `ExponentialSum`."""
 
 
 class ExponentialSum(AbstractSmoothMotion):
@@ -139,9 +142,9 @@ class ExponentialSum(AbstractSmoothMotion):
 
 
 NEGLIGIBLE = 1e-13
-"""A term of a polynomial that is smaller than this, relative to its piece's largest term, is due to rounding.
+"""A polynomial's term that is smaller than this share of its largest term is due to rounding.
 
-The search for roots sets its coefficient to 0.
+The search for extremes sets the coefficient of such a term to 0.
 """
 
 

@@ -21,15 +21,17 @@ MOST_WAYPOINTS = 10_000
 
 
 FARTHEST = 1e9
-"""Largest position of a waypoint [rad or m]: its rounding is 1e-7, and its squares are finite."""
+"""Largest absolute position of a waypoint [rad or m]; its rounding error is about 1e-7."""
 
 
 def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """Check waypoints, and return them as an array of positions [k n].
+    """Check k waypoints of n joints, and return them as an array of positions [k n].
 
     - `owner`: class of the motion, for the message.
+    - `waypoints`: rows of positions, rad or m.
 
-    Raises DefinitionError unless they are two or more rows of finite numbers of at most 1e9, one per joint.
+    Raises DefinitionError unless they are two or more rows of finite numbers of at most 1e9, one per joint; also for a
+    list of more than 10 000 rows.
     """
     if isinstance(waypoints, Sequence) and len(waypoints) > MOST_WAYPOINTS:
         raise DefinitionError(f"`{owner}.waypoints` must be at most {MOST_WAYPOINTS} rows; got {len(waypoints)}")
@@ -54,11 +56,12 @@ def waypoint_positions(owner: str, waypoints: object) -> NDArray[np.float64]:
 
 
 def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
-    """Return waypoints as an array of positions [k n], in which consecutive waypoints differ.
+    """Check waypoints as `waypoint_positions` does, and also that consecutive waypoints differ.
 
     - `owner`: class of the motion, for the message.
 
-    Raises DefinitionError if two consecutive waypoints are equal, or as `waypoint_positions` does.
+    Returns the positions [k n]. Raises DefinitionError if two consecutive waypoints are equal, or as
+    `waypoint_positions` does.
     """
     q = waypoint_positions(owner, waypoints)
     same = np.all(np.diff(q, axis=0) == 0, axis=1)
@@ -66,7 +69,7 @@ def distinct_waypoints(owner: str, waypoints: object) -> NDArray[np.float64]:
         row = int(np.argmax(same)) + 1
         raise DefinitionError(
             f"`{owner}.waypoints` {row} and {row + 1} are the same, {short_repr(q[row])}: leave one of them out "
-            "(for a pause, set the times yourself with `MinimumJerk.through`)"
+            "(for a pause, use `Tabulated.through` with velocities of 0 in both rows)"
         )
     return q
 
@@ -81,16 +84,16 @@ SHORTEST = 0.02
 """Least duration of a piece in the search, relative to its initial duration."""
 
 AT_REST = {1: 15 / 8, 2: 10 / math.sqrt(3), 3: 60.0}
-"""The largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time, at rest at both ends."""
+"""Largest velocity (1), acceleration (2) and jerk (3) of the quintic from 0 to 1 in unit time, from rest to rest."""
 
 
 def shortest_times(waypoints: NDArray[np.float64], limits: dict[int, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the shortest times of the waypoints, [k], from 0 on, for which the quintic spline keeps all limits.
 
-    Sequential quadratic programming varies the ratios of the pieces' durations, starting from the shortest duration of
-    each piece alone. All durations are then scaled so that the tightest limit is reached exactly: a factor c divides
-    the derivative of order i by c^i. The search is local. If its result takes longer than the initial durations, these
-    are used.
+    A piece is the motion between two waypoints. Sequential quadratic programming varies the ratios of the pieces'
+    durations, starting from the shortest duration of each piece from rest to rest. All durations are then scaled so
+    that the tightest limit is reached exactly: a factor c divides the derivative of order i by c^i. The search is
+    local. If its result takes longer than the scaled initial durations, the function returns the times of the latter.
 
     - `waypoints`: positions [k n]; consecutive waypoints differ.
     - `limits`: limits of the joints [n] by order of the derivative, 1, 2, 3; infinite for none.
@@ -189,7 +192,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
         - `times`: [k], s, strictly increasing, at least two.
         - `waypoints`: positions [k n], rad or m.
 
-        Raises DefinitionError if the times do not increase or do not fit the waypoints.
+        Raises DefinitionError if the times do not increase or do not fit the waypoints, or for invalid waypoints.
         """
         t = np.asarray(times, dtype=float)
         if t.ndim != 1 or len(t) < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
@@ -201,7 +204,10 @@ class MinimumJerk(AbstractPiecewisePolynomial):
                 f"got {len(q)}"
             )
         if not np.all(np.diff(t) > 1e-9 * (t[-1] - t[0])):
-            raise DefinitionError(f"`MinimumJerk.times` lie too close together; got {short_repr(t)}")
+            raise DefinitionError(
+                "`MinimumJerk.times` lie too close together: each step must exceed 1e-9 of the whole duration; "
+                f"got {short_repr(t)}"
+            )
         return MinimumJerk(times=as_array(t), coefficients=as_array(quintic_spline(t, q)))
 
     @staticmethod
@@ -223,7 +229,8 @@ class MinimumJerk(AbstractPiecewisePolynomial):
           infinite, or for the jerk None, for no limit.
         - `start`: time of the first waypoint [s].
 
-        Raises DefinitionError for invalid waypoints or a limit that is not positive.
+        Raises DefinitionError for invalid waypoints, more than 100 of them, a limit that is not positive, or a step in
+        which no moving joint has a limit.
         """
         name = "MinimumJerk"
         q = distinct_waypoints(name, waypoints)
@@ -280,7 +287,8 @@ class Trapezoidal(AbstractPiecewisePolynomial):
         - `jerk`: limit, [n] or one number, rad/s³ or m/s³; infinite for none.
         - `start`: time of the first waypoint [s].
 
-        Raises DefinitionError for invalid waypoints, a limit that is not positive, or if ruckig is not installed.
+        Raises DefinitionError for invalid waypoints, for a limit that is not positive, for an infinite acceleration
+        limit, or if ruckig is not installed.
         """
         name = "Trapezoidal"
         q = distinct_waypoints(name, waypoints)

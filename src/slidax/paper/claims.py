@@ -40,7 +40,8 @@ class Claim:
     """A statement in the paper.
 
     - `place`, `says`: place of the statement in the paper, and its content.
-    - `evidence`: computed values in words, by reading of the disturbance or by matrix norm that the paper may mean.
+    - `evidence`: computed values in words, by reading of the disturbance or by matrix norm that the paper may mean; the
+      key is empty if there is only one.
     - `verdicts`: verdicts by the same keys.
     """
 
@@ -298,7 +299,7 @@ def jumps(runs: Runs) -> list[dict[str, Any]] | None:
 
 
 def layers(runs: Runs, scheme: str) -> dict[str, Any]:
-    """Return AICE (82) and steady error of a scheme in Example 4.1, for two boundary layers.
+    """Return AICE, eq. (82), and the steady error of a scheme in Example 4.1, for two boundary layers.
 
     `listed` has the values for the boundary layer of the paper's table, and `other` those for the alternative one,
     whose half width is `layer`.
@@ -314,9 +315,10 @@ def layers(runs: Runs, scheme: str) -> dict[str, Any]:
 
 
 def run_with_printed_alpha(runs: Runs) -> dict[str, Any]:
-    """Run the scheme ANFTSMC with its parameter α of Table 2, and return the outcome and the values of Table 3.
+    """Run the scheme ANFTSMC with its parameter α of Table 2, and return the outcome and the quantities of Table 3.
 
-    The class of ANFTSMC refuses this α; the check is bypassed. `used` is the α of all other runs.
+    The class of ANFTSMC refuses this α; the check is bypassed. `used` is the α of all other runs. Here
+    `steady_error` is the largest error over the last quarter, and `settling_time` is for a band of 1e-3.
     """
     case = runs.nearest("4.2", "anftsmc")
     scenario = runs.scenarios[case]

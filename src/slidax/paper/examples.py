@@ -67,6 +67,8 @@ COMPARED: dict[str, tuple[str, ...]] = {
 READINGS: dict[Reading, str] = {"stated": "disturbance as stated", "off": "disturbance off"}
 EXAMPLES = ("4.1", "4.2")
 PERIOD = 1e-4
+"""Integration step of the paper [s]."""
+
 SAMPLED = (("continuous", 1e-3), ("held", 1e-3), ("held", 1e-4))
 """Modes and periods [s] of further runs of the proposed scheme: longer periods, and a held torque."""
 
@@ -135,8 +137,8 @@ class Runs:
     def nearest(self, example: str, scheme: str) -> Case:
         """Return the case of a scheme with the reading of the disturbance that is nearest to the printed values.
 
-        That is `Scheme.nearest` in Example 4.2, and `stated` in Example 4.1, which prints no values. If this reading
-        was not run, it is the first one that was.
+        This reading is `Scheme.nearest` in Example 4.2, and `stated` in Example 4.1, which prints no values. If there
+        are no runs with this reading, the first entry of `readings` replaces it.
 
         - `example`, `scheme`: number of the example, and key of the scheme.
         """

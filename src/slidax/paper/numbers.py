@@ -106,9 +106,10 @@ def inverse_inertia(scenario: Scenario) -> dict[str, Any]:
 def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
     """Return the settling-time bound `T_max = T_r + T_s` [s] by the paper's eqs. (48)-(50), and the deadlines [s].
 
-    `bound` is T_max, `reaching` T_r, `sliding` T_s of the slowest joint; `terms` has the two terms of each. (50) uses
-    `ρ0/2 >= 1/β` (Proposition 5); without an envelope β = 1, so ρ0 is replaced by 2. For SFSMC, the exponents and gains
-    of its own powers take the same roles. The result is None if the scheme is not a fixed-time scheme.
+    `bound` is T_max, `reaching` is T_r, and `sliding` is T_s of the slowest joint; `terms` has the two terms of T_r and
+    of T_s. `deadlines` is None without an envelope. Eq. (50) uses `ρ0/2 >= 1/β` (Proposition 5), with the initial
+    radius ρ0 and β of (26); without an envelope β = 1, so 2 replaces ρ0. For SFSMC, the exponents and gains of its own
+    powers take the same roles. The result is None if the scheme is not a fixed-time scheme.
 
     - `scenario`: the scenario with the parameters.
     """
@@ -151,10 +152,11 @@ def settling_bound(scenario: Scenario) -> dict[str, Any] | None:
 
 
 def expected_error(scenario: Scenario, run: Run) -> list[float] | None:
-    """Return the error at which the layer of (51) balances the disturbance τ_d, for an exact model, [n], rad or m.
+    """Return the error at which the boundary layer of eq. (51) balances the disturbance τ_d, [n], rad or m.
 
-    `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, at its maximum over the second half of the run. `|e| ≈ ‖s‖/(k1 l1 β)` with `l1` of
-    (30) and `β = (1/ϑ + 1)/ρ∞`, which is (26) at e = 0.
+    For an exact model, `‖s‖ ≈ s0 ‖τ_d‖/(u - ‖τ_d‖)`, at its maximum over the second half of the run, where s0 is the
+    layer's half width and u the robust torque. Then `|e| ≈ ‖s‖/(k1 l1 β)`, with the surface's gain k1, l1 of (30), and
+    `β = (1/ϑ + 1)/ρ∞`, which is (26) at e = 0, for the overshoot ϑ and the final radius ρ∞.
 
     - `scenario`: the simulated scenario.
     - `run`: its run. The result is None if the run has no log, or ended early.

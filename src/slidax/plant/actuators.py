@@ -55,7 +55,8 @@ class ActuatorMap(AbstractPart):
 
         - `matrix`: G [n n].
 
-        Raises DefinitionError if it is not square, or a gain does not exceed the sum of its row's cross-talk.
+        Raises DefinitionError if G is not square or not finite, or if a gain does not exceed the sum of its row's
+        cross-talk.
         """
         gains = static_value(as_array(matrix))
         if gains.ndim != 2 or gains.shape[0] != gains.shape[1] or not np.isfinite(gains).all():
@@ -81,6 +82,8 @@ class ActuatorMap(AbstractPart):
         """Return limits of joint torques: within these, no command exceeds `limits`, for any signs of the torques.
 
         Joints without a limit do not reduce the limits of others.
+
+        - `limits`: limits of the commands.
         """
 
         def box(limit: PerJoint) -> Vector:
@@ -95,7 +98,8 @@ class ActuatorMap(AbstractPart):
 class ActuatorMemory(eqx.Module):
     """Memory of an `Actuator`.
 
-    - `commands`: the last commands [m n], newest first, N m or N.
+    - `commands`: the last m commands [m n], newest first, N m or N; m is the dead time in whole periods, rounded up,
+      plus 1.
     - `lagged`: command after dead time and lag at the start of the period [n], N m or N.
     """
 

@@ -26,7 +26,7 @@ Floats: TypeAlias = NDArray[np.floating[Any]]
 class Samples:
     """States of a motion at the beginning of each sampling period.
 
-    - `period`: h [s].
+    - `period`: sampling period h [s].
     - `t`: beginning of each period [samples], s.
     - `q`, `dq`: positions and velocities at this time [samples n].
     """
@@ -85,8 +85,9 @@ class AbstractDisturbance(AbstractPart):
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
         """Bound of the force's deviation from its chord in each period [samples n], N m or N.
 
-        The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. By
-        default it is infinite; then no certificate covers the class.
+        The bound holds for every disturbance of this class with parameters between those of `self` and `upper`. The
+        motion is taken to have a constant acceleration in each period. By default the bound is infinite; then no
+        certificate covers the class.
 
         - `upper`: disturbance with the largest value of each parameter; `self` has the smallest.
         - `samples`: states at the samples.
@@ -148,7 +149,7 @@ class Scaled(AbstractDisturbance):
     """A disturbance times a factor; the factor 0 switches it off without a new compilation."""
 
     disturbance: AbstractDisturbance = piece("the scaled disturbance")
-    factor: Scalar = parameter("its factor")
+    factor: Scalar = parameter("factor on the disturbance")
 
     def __call__(self, t: Scalar, state: State) -> Vector:
         """Return the scaled force, [n], N m or N."""
@@ -265,7 +266,7 @@ class Friction(AbstractDisturbance):
         return -(self.coulomb * jnp.tanh(state.dq / self.smoothing) + self.viscous * state.dq)
 
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
-        """`f_c min(0.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: from the curvature, slope or range of tanh, [samples n].
+        """`f_c min(0.77 x²/8, x, 2)`, `x = |Δq̇|/v_s`: from curvature, slope or range of tanh, [samples n], N m or N.
 
         `max |tanh''| = 4/(3 √3)`. Viscous friction is linear in the velocity and adds nothing.
         """
@@ -302,7 +303,8 @@ class Stribeck(AbstractDisturbance):
     def chord_deviation(self, upper: Any, samples: Samples) -> Floats:
         """`f_s min(c |Δq̇|²/8, |Δq̇| (1/v_s + 0.86/v_st), 2)`: from the curvature, slope or range of the force.
 
-        `c = 0.77/v_s² + 1.72/(v_s v_st) + 2/v_st²`, since `|d/dx exp(-x²)| <= 0.858` and `|d²/dx² exp(-x²)| <= 2`.
+        Its shape is [samples n], its unit N m or N. `c = 0.77/v_s² + 1.72/(v_s v_st) + 2/v_st²`, since
+        `|d/dx exp(-x²)| <= 0.858` and `|d²/dx² exp(-x²)| <= 2`.
         """
         x, y = (samples.dq_change / np.asarray(width) for width in (self.smoothing, self.velocity))
         curved = TANH_CURVATURE * x * x + 2.0 * BELL_SLOPE * x * y + 2.0 * y * y
@@ -351,12 +353,12 @@ class ElasticStop(AbstractDisturbance):
 
     title = "A stiff surface on one side of a joint, such as a table below a vertical axis."
 
-    stiffness: PerJoint = parameter("k; 0 for a joint without a stop", "N m/rad or N/m", ">= 0")
+    stiffness: PerJoint = parameter("k, stiffness of the stop; 0 for a joint without one", "N m/rad or N/m", ">= 0")
     position: PerJoint = parameter("a, position of first contact", "rad or m")
     damping: PerJoint = parameter("c, damping over stiffness", "s/rad or s/m", ">= 0", default=0.0)
 
     def __call__(self, t: Scalar, state: State) -> Vector:
-        """The force, [n], N m or N."""
+        """Return the contact force, [n], N m or N."""
         deep = jnp.maximum(0.0, state.q - self.position)
         return -self.stiffness * deep * jnp.maximum(0.0, 1.0 + self.damping * state.dq)
 

@@ -157,7 +157,7 @@ class DelayedMemory(eqx.Module):
     """Memory of a `Delayed` sensor.
 
     - `start`: the state at sample 0.
-    - `q`, `dq`: the last m states [m n]; row k mod m is the state at sample k.
+    - `q`, `dq`: the last m states [m n], with m = `Delayed.stored`; row k mod m is the state at sample k.
     - `inner`: the memory of the delayed sensor.
     """
 
@@ -171,8 +171,8 @@ class Delayed(AbstractSensor):
     """Measurement of `sensor`, delayed by `max(periods + jitter U, 0)` sampling periods.
 
     U is uniform in [-1/2, 1/2) and drawn for each sample, so that the sampling instants are uneven. Between two samples
-    the state is interpolated by a cubic Hermite polynomial, with an error of order `h⁴` in the position and `h³` in the
-    velocity; before sample 0 the velocity is constant.
+    the state is interpolated by a cubic Hermite polynomial. With the sampling period h, its error is of order `h⁴` in
+    the position and `h³` in the velocity. Before sample 0 the velocity is constant.
     """
 
     sensor: AbstractSensor = piece("the delayed sensor")
@@ -257,8 +257,8 @@ class LossyMemory(eqx.Module):
 class Lossy(AbstractSensor):
     """Measurement of `sensor`, of which some samples are lost.
 
-    Sample k is lost with a probability, in an outage (`start <= k < start + count`), and where `pattern[k mod p]` is 1,
-    with the length p of the pattern. Sample 0 always arrives. A lost sample is not fresh, and repeats the last one that
+    Sample k is lost by chance (`probability`), in an outage (`start <= k < start + count`), or if `pattern[k mod p]` is
+    1 in a pattern of length p. Sample 0 always arrives. A lost sample is not fresh, and repeats the last sample that
     arrived. The inner sensor continues to measure.
     """
 

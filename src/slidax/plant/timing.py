@@ -24,9 +24,9 @@ class TimingTrace(NamedTuple):
     every: int | None = None
 
     def lost(self) -> np.ndarray:
-        """Return the pattern of lost samples, True for a nominal period without an update [p]; the pattern repeats.
+        """Return the pattern of lost samples: True for each of its p nominal periods without an update [p].
 
-        The sequence begins with sample 0, which is not lost.
+        The pattern repeats. It begins with sample 0, which is not lost.
         """
         ends = np.cumsum(self.periods) / self.nominal
         length = self.every or max(round(float(ends[-1])), 1)
@@ -58,4 +58,6 @@ TRACES: Mapping[str, TimingTrace] = {
         every=500,
     ),
 }
-"""Timing traces by name. Only whole periods without an update count; `Delayed.jitter` varies the age of the others."""
+"""Timing traces by name. Only whole periods without an update count as lost. For the age of measurements in the other
+periods, use `Delayed.jitter`.
+"""

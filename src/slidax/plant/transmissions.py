@@ -39,12 +39,13 @@ class LuGre(AbstractPart):
         return self.coulomb + (self.static - self.coulomb) * jnp.exp(-((velocity / self.stribeck_velocity) ** 2))
 
     def deflection(self, bristle: Vector, velocity: Vector, after: Vector, h: Scalar) -> Vector:
-        """Return the bristles' deflection after a step, `z⁺ = (z + h v⁺)/(1 + h σ₀ |v|/g(v))` [n].
+        """Return the bristles' deflection after a step, `z⁺ = (z + h v⁺)/(1 + h σ₀ |v|/g(v))` [n], rad or m.
 
-        The decay is implicit, and so stable for any step and stiffness; its rate is that of the step's start.
+        The decay is implicit, and so stable for any step and stiffness. Its rate `σ₀ |v|/g(v)` is that at the step's
+        start.
 
-        - `bristle`: z at the start of the step [n].
-        - `velocity`, `after`: v at its start, and v⁺ at its end [n].
+        - `bristle`: z at the start of the step [n], rad or m.
+        - `velocity`, `after`: v at the step's start, and v⁺ at its end [n], rad/s or m/s.
         - `h`: step [s].
         """
         return (bristle + h * after) / (1.0 + h * self.stiffness * jnp.abs(velocity) / self.level(velocity))
@@ -54,7 +55,7 @@ class LuGre(AbstractPart):
 
         `F = σ₀ z⁺ + σ₁ (z⁺ - z)/h + σ₂ v⁺` is linear in v⁺, so that a step solves linear equations only.
 
-        - `bristle`, `velocity`: z and v at the start of the step [n].
+        - `bristle`, `velocity`: z and v at the start of the step [n], rad and rad/s (m and m/s for a prismatic joint).
         - `h`: step [s].
         """
         after = self.deflection(bristle, velocity, velocity, h)
@@ -67,7 +68,8 @@ class Elasticity(AbstractPart):
     """A spring between motor and link: `J θ̈ = τ - s - F`, `M q̈ + C q̇ + G = s + τ_d`, `s = k (θ - q) + d (θ̇ - q̇)`.
 
     s is the force of the spring, F the joint's friction, θ the motor's position behind the gear. The rotor and all
-    friction are on the motor's side. The motor's angular momentum counts about its own axis only.
+    friction are on the motor's side, so M is without rotor inertia. The motor's angular momentum counts about its own
+    axis only.
 
     Source: Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 1987.
     """
@@ -93,7 +95,7 @@ class Elasticity(AbstractPart):
 class TransmissionState(eqx.Module):
     """State of a transmission.
 
-    - `bristle`: deflection z of LuGre friction [n]; None without this friction.
+    - `bristle`: deflection z of LuGre friction [n], rad or m; None without this friction.
     - `motor`: positions and velocities of the motors; None without elasticity.
     """
 
@@ -104,8 +106,8 @@ class TransmissionState(eqx.Module):
 class Load(NamedTuple):
     """Inertia of the arm and the forces on it, at the start of a transmission's step.
 
-    - `mass`: M(q), with the rotors [n n].
-    - `rotors`: inertias of the rotors in its diagonal [n].
+    - `mass`: inertia matrix M(q), with the rotors [n n].
+    - `rotors`: inertias of the rotors, which the diagonal of `mass` contains [n], kg m² or kg.
     - `force`: `τ_d - C q̇ - G` [n], N m or N.
     - `friction`: function that returns the arm's own friction from a velocity, both [n].
     """
@@ -120,7 +122,8 @@ class Transmission(AbstractPart):
     """LuGre friction and elasticity of the simulated joints, with their own states (`TransmissionState`).
 
     One step of length h is linearly implicit: `q̇⁺` solves `(M + h B) (q̇⁺ - q̇) = h f`, where f is the force on the
-    joints and the diagonal B has the damping of friction and springs; then `q⁺ = q + h q̇⁺`. LuGre friction is stable
+    joints and the diagonal B has the damping of friction and springs; then `q⁺ = q + h q̇⁺`. M contains the rotors only
+    if the joints are rigid; elastic joints have an equation for each motor in addition. LuGre friction is stable
     at any step. Springs take the positions at the step's start, so that the integration does not damp them; they limit
     the step (`fastest_mode`). Without friction and elasticity, the step would be `semi_implicit_euler`.
     """
@@ -192,8 +195,8 @@ class Transmission(AbstractPart):
         `ω²` is the largest eigenvalue of `K ((M - R)⁻¹ + J⁻¹)`, with K, R and J the diagonal matrices of stiffness,
         rotor inertia in M, and motor inertia.
 
-        - `mass`: M(q), with the rotors [n n].
-        - `rotors`: their inertias [n].
+        - `mass`: inertia matrix M(q), with the rotors [n n].
+        - `rotors`: inertias of the rotors, which the diagonal of `mass` contains [n], kg m² or kg.
         """
         if self.elasticity is None:
             return 0.0

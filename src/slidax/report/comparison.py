@@ -33,8 +33,8 @@ class Rival:
     """The run of one scheme in a comparison.
 
     - `scenario`, `run`: the simulated scenario and its run.
-    - `outside`: number of samples outside the scheme's envelope, or outside the comparison's envelope for a scheme
-      without its own; None if neither has an envelope.
+    - `outside`: number of samples outside the scheme's envelope; for a scheme without one, outside the envelope of the
+      compared scenario's own scheme. None if neither has an envelope.
     """
 
     scenario: Scenario
@@ -122,7 +122,7 @@ RANKED = {"steady error": steady_error, "steady torque step": steady_torque_step
 
 
 def comparison_verdict(rivals: Mapping[str, Rival]) -> RunVerdict:
-    """Return which schemes stay inside the envelope, and which of those are best by the metrics in `RANKED`.
+    """Return which schemes stay inside the envelope, and which of these are best by the metrics in `RANKED`.
 
     The verdict is good if any scheme stays inside; without an envelope, if any reaches its end.
     """

@@ -279,7 +279,7 @@ def write_linear_report(
 
 
 def _loop_pictures(linear: LinearisedLoop, folder: Path) -> list[Picture]:
-    # At half of the sampling frequency itself L may be 0.
+    # At exactly half of the sampling frequency, the open loop L may be 0, which a logarithmic axis cannot show.
     omega = np.geomspace(1e-4, 0.99, 800) * np.pi / linear.system.period
     names = short_names(linear.joint_names)
     pictures = []

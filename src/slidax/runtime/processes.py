@@ -88,11 +88,16 @@ def run_arm(job: LoopJob, context: ProcessContext) -> SideReport:
 
     A command that arrives after its tick is not applied: the arm holds the previous torque for another tick. If this
     process is delayed, it simulates the ticks that have passed, since a real arm would have moved on. Commands sent
-    after such a tick do not count as in time. The arm brakes after `patience` ticks without a command. It also brakes
-    as soon as the law requests a stop, even by a command that arrives too late.
+    after such a tick do not count as in time. The arm brakes after more than `patience` successive ticks without a
+    command in time. It also brakes as soon as the law requests a stop, even by a command that arrives too late.
 
-    The report's counts are `ticks`; `held`, the ticks without a command before braking; `longest`, the largest number
-    of these in succession; `caught_up`, wake-ups that were more than a period late; and `lost`, lost measurements.
+    The report's counts are
+
+    - `ticks`: simulated ticks;
+    - `held`: ticks without a command in time, up to the tick at which the arm brakes;
+    - `longest`: largest number of these in succession;
+    - `caught_up`: ticks for which the process woke up more than a period too late;
+    - `lost`: measurements that did not reach the law.
     """
     arm = ArmSide(job.plan, job.world, job.substeps)
     measurement, command, _, row = job.lengths

@@ -130,7 +130,8 @@ class LoopJob:
     - `lengths`: lengths of a measurement, a command, a log row of the law and a log row of the arm [bytes].
     - `period`: time between two ticks [s].
     - `ticks`: number of the last tick.
-    - `patience`: number of ticks without a command until the arm brakes, and without a measurement until the law ends.
+    - `patience`: largest number of successive ticks without a command in time; at one more, the arm brakes. The law
+      ends if a measurement is overdue by more than this number of periods.
     - `phase`: time from a tick to the law's wake-up [ns].
     - `priority`: real-time priority to request, 1 to 99.
     - `world`: for an arm in MuJoCo, its model, and the indices of the joints' positions and velocities; else None.

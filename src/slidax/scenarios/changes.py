@@ -80,7 +80,8 @@ def with_changes(data: dict[str, Any], changes: dict[str, Any], folder: Path = P
       lists, such as `start.q[0]`, are set last. A new `kind` drops the parameters of the old kind.
     - `folder`: folder to which file names in the scenario are relative.
 
-    Raises DefinitionError if a path does not exist.
+    Raises DefinitionError if a path has an unknown index or goes through a single value. A new key is added; validation
+    refuses unknown keys later.
     """
     data, changes = _with_lists(data), _with_lists(changes)
     if "scheme.name" in changes:
@@ -116,7 +117,7 @@ def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
     - `path`: dotted path as in `--set`.
     - `joints`: names of the robot's joints, which may be used as indices.
 
-    Raises DefinitionError if an index does not exist.
+    Raises DefinitionError if an index is neither a number nor a joint's name.
     """
     path = without_brackets(path, joints)
     parts = path.split(".")

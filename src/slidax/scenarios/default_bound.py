@@ -44,9 +44,9 @@ def default_bound(
 ) -> dict[str, float]:
     """Return default parameters of an `UncertaintyBound`, by name.
 
-    Equation numbers are the paper's. The true arm has the mass matrix M, the gravity torque G and `h = C q̇ + G`; M0, G0
-    and h0 are the nominal arm's. Maxima and means are over 256 postures in the joints' ranges. The lumped uncertainty
-    `(M0 M⁻¹ - I)(τ - h) - (h - h0)` has the bound `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19).
+    Equation numbers are the paper's. The true arm has the mass matrix M, the gravity torque G and `h = C q̇ + G`; M0,
+    C0, G0 and h0 are the nominal arm's. Maxima and means are over 256 postures in the joints' ranges. The lumped
+    uncertainty `(M0 M⁻¹ - I)(τ - h) - (h - h0)` has the bound `b0 + b1‖q‖ + b2‖q̇‖² + γ‖τ‖`, eq. (19).
 
     - `B = max‖G - G0‖` plus the difference of the friction at 1 rad/s, but at least 20 % of `max‖G0‖`.
     - `b1 = 0`, since the gravity torque does not grow with ‖q‖.
@@ -55,15 +55,16 @@ def default_bound(
     For a law in continuous time:
     - `γ = max|κ - 1|` over the eigenvalues κ of `M⁻¹M0`, limited to 0.2 ... 0.5.
     - Bounds of ‖M⁻¹‖: `(1 - γ) mean‖M0⁻¹‖` and `(1 + γ) mean‖M0⁻¹‖`, which give this γ by eq. (46).
-    - `b0 = γ max‖G0‖ + (1 + γ) B`, and `b2 = (γ + 0.2 (1 + γ)) max‖C q̇‖/‖q̇‖²`.
+    - `b0 = γ max‖G0‖ + (1 + γ) B`, and `b2 = (γ + 0.2 (1 + γ)) max‖C0 q̇‖/‖q̇‖²`.
 
     For a law in sampled-data form, whose estimator compensates the inertia mismatch:
-    - `γ = b2 = 0`, and `b0 = B`, but `k + b0` is at most a quarter of the norm of the torque limits.
+    - `γ = b2 = 0`, so that both bounds of ‖M⁻¹‖ are `mean‖M0⁻¹‖`, and `b0 = B`, but `k + b0` is at most a quarter of
+      the norm of the torque limits.
 
     - `true`, `nominal`: the true arm, and the arm that the law knows.
     - `load`: payload of the true arm; None for none.
     - `drives`: torque limits.
-    - `sampled`: True for a law in sampled-data form.
+    - `sampled`: True for a law in sampled-data form, False for one in continuous time.
     """
     lower, upper = _box(nominal)
     n = len(lower)

@@ -191,7 +191,7 @@ def _payload_frame(chosen: Choices) -> str:
         return ""
     frame = f"the tip `{chosen.block['tip']}`" if "tip" in chosen.block else "the flange"
     return (
-        f" The payload of {chosen.payload:g} kg has its center of mass at the origin of {frame}; load: {{center: [x, "
+        f" The payload of {chosen.payload:g} kg has its centre of mass at the origin of {frame}; load: {{center: [x, "
         "y, z]} moves it [m]."
     )
 
@@ -293,7 +293,7 @@ def draft(
     - `tip`: link, body or site at the end of the arm; None to search for it.
     - `locked`: further joints that do not move, with their positions [rad or m].
     - `inertias`: "nearest" replaces inertias that no rigid body can have, "strict" refuses them; None: as "nearest".
-    - `gravity`: in the base frame [3], m/s², for a mounted arm; None: as described.
+    - `gravity`: gravity in the base frame [3], m/s², such as for an arm on a wall; None: from the arm's description.
     - `payload`: mass at the tip of the simulated arm that the law does not know, kg.
     - `requirements`: True for a requirements file of `slidax design` in place of a scenario.
     - `folder`: folder of the scenario file, to which the robot file's path is relative.
@@ -328,7 +328,7 @@ FACTORS = (1.0, 0.75, 1.5, 0.5)
 """Horizons that are tried with a payload, as multiples of the default."""
 
 ENOUGH = 0.1
-"""Margin of a run, as a share of the envelope's width, from which on no further horizon is tried."""
+"""Envelope margin of a run, as a share of the envelope's width, that ends the search for a horizon."""
 
 
 def _with_tried_horizon(chosen: Choices, folder: Path) -> Choices:

@@ -41,7 +41,7 @@ SPEED = {"rad": 2.0, "m": 0.5}
 """rad/s or m/s: assumed velocity limit if the file has none."""
 
 RANGE = {"rad": np.pi, "m": 0.5}
-"""rad or m to both sides: assumed range if the file has none."""
+"""rad or m to both sides: assumed half range of a joint without position limits in the file."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ class Ratings:
 def ratings_of(arm: Articulated) -> Ratings:
     """Return the ratings of an arm's joints from its description, with assumptions for missing or implausible values.
 
-    A torque limit is replaced by the required torque in four cases:
+    A torque limit is replaced by the required torque in four cases. In the last two the result is not above the limit.
     - It is missing.
     - It is below half of the joint's largest gravity torque. If all joints have the same limit, all are replaced.
     - It exceeds 30 times the required torque.
-    - All joints have the same limit, and it exceeds 5 times the required torque of one of them.
+    - All joints, three or more, have the same limit, and it exceeds 5 times the required torque of one of them.
 
     The required torque of a joint is 1.25 times the sum of two torques. The first is the gravity torque in the worst of
     256 postures, with 30 % of the moving mass at the tip. The second accelerates the joint at 5 rad/s² or m/s². The
@@ -104,7 +104,7 @@ def ratings_of(arm: Articulated) -> Ratings:
 
 
 def _ends(lower: Numbers, upper: Numbers, reach: Numbers) -> tuple[Numbers, Numbers]:
-    """Finite ends of the ranges: known ends stay, missing ones are `reach` from 0 or from the other end."""
+    """Return finite ends of the ranges: a missing end is `2 reach` from the other one; without either, ±`reach`."""
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0 * reach, -reach))
     high = np.where(np.isfinite(upper), upper, low + 2.0 * reach)
     return low, high
@@ -198,7 +198,8 @@ def tip_share(arm: Articulated, payload: float) -> float:
 def home_of(arm: Articulated, ratings: Ratings, share: float = TIP_SHARE) -> Numbers:
     """Return a home posture [n], rad or m, for a payload of a `share` of the moving mass.
 
-    It is the best of 2000 postures spread around 0, or around the middle of the ranges. The cost is lower with:
+    It is the best of 2000 postures spread around 0, or around the middle of a range that excludes 0. The cost is
+    lower with:
     - a smaller gravity torque relative to the torque limits, with this payload;
     - a larger distance from a singularity, and a smaller one from 0;
     - no links below the base.
@@ -260,7 +261,7 @@ AMPLITUDE = {"rad": 0.4, "m": 0.08}
 """rad or m: amplitude of the motion, reduced if the range is too small."""
 
 FREQUENCY = (2.0, 2.4)
-"""rad/s of the slowest and the fastest joint; no two are equal, so that all combinations of joint positions occur."""
+"""rad/s of the slowest and the fastest joint; no two joints are equal, so that all combinations of positions occur."""
 
 RANGE_SHARE, VELOCITY_SHARE, TORQUE_SHARE = 0.5, 0.4, 0.65
 """Largest shares of the range around the home posture, and of the limits, that the motion uses."""
@@ -294,7 +295,7 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
     - `home`: the posture [n], rad or m.
     - `share`: payload as a share of the moving mass.
 
-    Raises DefinitionError if a drive cannot hold the payload.
+    Raises DefinitionError if holding a payload above 0.2 times the moving mass takes over 80 % of a torque limit.
     """
     units = arm.joint_units
     left = np.minimum(home - ratings.lower, ratings.upper - home)

@@ -177,7 +177,7 @@ class ActuatorDescription(AbstractDescription):
         return TorqueLimits(**{name: as_array(value) for name, value in limits.items() if value is not None})
 
     def known_map(self, joints: int) -> ActuatorMap | None:
-        """Return the map from drive commands to joint torques that the law knows; None if both are equal.
+        """Return the map from drive commands to joint torques that the law knows; None without `map`, for equal ones.
 
         Raises DefinitionError if the map has another number of joints, or is invalid.
         """

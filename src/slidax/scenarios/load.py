@@ -32,7 +32,8 @@ def load(scenario: str | Path, changes: dict[str, Any] | None = None) -> Scenari
     - `scenario`: name of a built-in scenario, or path of a YAML file.
     - `changes`: new values by dotted path, such as `{"disturbance.scale": 0.0}` or `{"start.q[elbow]": 0.3}`, set
       before validation; an index is a joint's name or a number from 0. `scheme.name` is set first; the new scheme keeps
-      the envelope, the bound and `sampled_data` of the file. File paths in changes are relative to the current folder.
+      the file's envelope, `sampled_data`, and parameters of the bound that its preset does not set. File paths in
+      changes are relative to the current folder.
 
     Raises DefinitionError if the scenario does not exist or is invalid.
     """
@@ -129,7 +130,8 @@ PARTS = ("robot", "trajectory")
 def portable_text(description: ScenarioDescription) -> tuple[str, dict[str, bytes]]:
     """Return a scenario as YAML, and the contents of the files to which it refers, by their names in this YAML.
 
-    These names have no folders. Meshes and included files of a URDF or MJCF file are left out; no run needs meshes.
+    These names have no folders. Meshes and included files of a URDF or MJCF file are left out. `restore` therefore
+    fails for a xacro or MJCF file that includes others, and for an MJCF file that computes an inertia from a mesh.
 
     Raises DefinitionError if a file does not exist.
     """

@@ -44,11 +44,12 @@ def named_robot(
     - `word`: name of a built-in arm, or of a module of robot_descriptions; or a URDF file, an MJCF file, or a YAML file
       with a mapping `robot`.
     - `tip`: link, body or site of the tip, for URDF and MJCF files with several ends.
-    - `inertias`: `nearest` replaces inertias that no rigid body can have, `strict` refuses them.
+    - `inertias`: `nearest` replaces inertias that no rigid body can have, `strict` refuses them; None: as the
+      description has it, or `given`, which replaces those with small errors.
     - `locked`: joints in a file that do not move, with their positions [rad or m].
     - `gravity`: gravity in the base frame [3], m/s²; by default that of the description.
 
-    Raises DefinitionError if the arm does not exist.
+    Raises DefinitionError if the arm does not exist, its description is invalid, or an option does not apply to it.
     """
     if is_description(word):
         word = str(description_file(word))

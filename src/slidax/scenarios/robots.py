@@ -308,10 +308,10 @@ class AbstractFile(AbstractArticulated):
     locked: dict[str, float] = Field(default={})
     """Joints that do not move, with their positions [rad or m]."""
     meshes: bool = False
-    """True to require every mesh of the file; no run needs one."""
+    """True to require every mesh of the file. A run needs only those from which an MJCF file computes inertias."""
     inertias: Literal["given", "nearest", "strict"] = "given"
     """Replacement of inertias that no rigid body can have by the nearest valid one: `given` if the change is at most
-    1 %, `nearest` always, `strict` never."""
+    1 %, `nearest` always, `strict` never. Without a replacement they are errors."""
 
     def described(self) -> Articulated | Coupled:
         """Read the arm from the file."""

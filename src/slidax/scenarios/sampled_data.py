@@ -140,10 +140,13 @@ class GateDescription(AbstractDescription):
     q_max: Numbers | None = same_field(MeasurementGate, "q_max", default=None, source="1.5 times the arm's limits")
     speed: Numbers | None = same_field(MeasurementGate, "speed", default=None, source="4 times the arm's limits")
     acceleration: Numbers | None = same_field(
-        MeasurementGate, "acceleration", default=None, source="4 times the torque over the inertia"
+        MeasurementGate, "acceleration", default=None, source="4 times the rated torque over the inertia"
     )
     spread: Numbers | None = same_field(
-        MeasurementGate, "spread", default=None, source="10 standard deviations of the sensor, and its jitter"
+        MeasurementGate,
+        "spread",
+        default=None,
+        source="10 standard deviations of the sensor, plus its jitter times `speed`",
     )
     patience: float = same_field(MeasurementGate, "patience")
 
@@ -255,8 +258,8 @@ class SampledDataDescription(AbstractDescription):
         source="12 ms, two periods or 1.5 (delay + 1) periods, whichever is longest",
     )
     estimator: EstimatorDescription | None = None
-    """Estimator of the state and the disturbance; by default `measured`, with gains from the horizon, or `kalman` for
-    encoders without a velocity sensor."""
+    """Estimator of the state and the disturbance; by default `measured`, with gains from delay and horizon, or `kalman`
+    for encoders without a velocity sensor."""
     adaptation: AdaptationDescription | None = JointLearningDescription()
     """Adaptation of the arm's parameters during the motion; null for none."""
     delay: float | None = input_field(
@@ -282,8 +285,8 @@ class SampledDataDescription(AbstractDescription):
     gate: GateDescription = GateDescription()
     """Measurement gate, which rejects measurements that the arm cannot have produced."""
     slopes: bool = True
-    """True to include in tau0 + tau1, from which the size u of the robust torque is computed, the acceleration that
-    keeps s constant, as in the paper's eq. (45); false leaves it out, so that u is smaller."""
+    """True to include the acceleration that keeps the sliding variable s constant in the torque τ0 + τ1, from which the
+    paper's eq. (45) computes the size u of the robust torque; false leaves it out, so that u is smaller."""
     midpoint: bool = False
     """True to evaluate the arm's model in the middle of the period in which the torque acts, not at its start, and to
     predict the state over the delay by the planned accelerations."""

@@ -259,9 +259,10 @@ OF_PLANS = ("horizon", "slopes", "recovery")
 def switch_scheme(scheme: Any, name: Any) -> Any:
     """Return the mapping `scheme` of a scenario file for another preset.
 
-    The result keeps the envelope, and those parameters of the bound that the new preset does not set. The result keeps
-    `sampled_data`. If the new law does not plan over a horizon, `horizon`, `slopes` and `recovery` are dropped. All
-    other parameters take the new preset's values. With the file's own name, nothing changes.
+    The result keeps `sampled_data`, the envelope, and those parameters of the bound that the new preset does not set.
+    If the new law does not plan over a horizon, `horizon`, `slopes` and `recovery` of `sampled_data` are dropped. All
+    other parameters take the new preset's values. A law outside slidax, `module:Class`, keeps only `sampled_data`
+    without these three. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
     - `name`: name of the new preset; an unknown name is refused later, at validation.

@@ -166,7 +166,7 @@ class ToolPathTrajectory(TrajectoryPart):
     text: str | None = None
     """Content of such a file, instead of `file`."""
     hold: Literal["place", "axis", "pose"] = "pose"
-    """Requirement on the tool: `place` for the tip's position, `axis` also for its z axis, `pose` also for all axes."""
+    """`place` prescribes the tip's position, `axis` also the tool's z axis, `pose` also its whole orientation."""
     posture: list[float] | None = input_field(
         "preferred posture of a redundant arm", "rad or m", default=None, source="its posture at the start"
     )
@@ -175,12 +175,15 @@ class ToolPathTrajectory(TrajectoryPart):
     )
     acceleration: Numbers | None = input_field("acceleration limit", "rad/s² or m/s²", default=None, source="no limit")
     damping: float = input_field(
-        "damping of the inverse kinematics: allowed deviation from the pose near a singularity",
+        "damping d of the inverse kinematics: near a singularity the tool deviates from its pose by d² times the "
+        "force on it (Lagrange multiplier)",
         "m or rad",
         "[0, 1]",
         default=0.0,
     )
-    tolerance: float = input_field("largest error of the tool between knots", "m and rad", "[1e-9, 1e-2]", default=1e-6)
+    tolerance: float = input_field(
+        "largest error of the tool between the knots of the joint motion", "m and rad", "[1e-9, 1e-2]", default=1e-6
+    )
     begin: float = input_field("time at which the path begins", "s", ">= 0", default=0.0)
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:

@@ -21,7 +21,8 @@ from .plant import FreeBody
 from .run import Log, RunTiming
 
 EngineName = Literal["auto", "native", "xla", "cuda"]
-"""`native`: slidax's own machine code; `xla`: JAX's compiler, the reference; `auto`: `native` where available.
+"""`native`: slidax's own machine code; `xla`: JAX's compiler, against which the others are tested; `auto`: `native`
+where available.
 
 `cuda`: the native code on an NVIDIA GPU, for batches.
 """
@@ -81,8 +82,8 @@ def engine_for(name: str) -> Literal["native", "xla"]:
 
     - `name`: "auto", "native", "xla" or "cuda".
 
-    A single run never uses "cuda", since one run takes as long as a whole batch on a GPU. A batch in which nothing
-    varies counts as a single run.
+    A single run never uses "cuda", since one run takes as long as a whole batch on a GPU. A study in which nothing
+    varies also makes a single run.
 
     Raises DefinitionError if the name is unknown.
     """

@@ -29,6 +29,7 @@ from .run import Log
 from .tally import MonitorTally, Tally, ToleranceTally, ToolTally, Windows
 
 Integrator = Callable[..., tuple[Any, tuple[Any, ...]]]
+"""Function that takes one integration step, such as `slidax.core.runge_kutta_4`."""
 
 
 class ClosedLoop(eqx.Module):
@@ -64,7 +65,7 @@ class Carry(eqx.Module):
     - `state`: the true state at this sample.
     - `good`: the true state at the last sample without a fault.
     - `memory`, `sensor`, `actuator`: memories of the controller, the sensor and the actuator.
-    - `tally`: statistics of all samples before k.
+    - `tally`: statistics of all samples before sample k.
     - `fault`: the first fault.
     - `excursion`: samples outside the envelope; None if the first of them ends the run.
     - `torque`: the last command [n], which is applied again while measurements are lost; None without a sensor.
@@ -108,7 +109,7 @@ class Evaluation(eqx.Module):
 
 
 def evaluate(loop: ClosedLoop, t: Scalar, state: State, measured: State, memory: Memory, ahead: Scalar) -> Evaluation:
-    """Evaluate the law on the measured state, and check the true state for a fault.
+    """Evaluate the law on the measured state at time t [s], and check the true state for a fault.
 
     - `state`, `measured`: the true state, and the state that the controller sees.
     - `memory`: the controller's memory.

@@ -75,7 +75,7 @@ class NativeSteps:
         leaves = code.begin([*loop_arrays, *(np.asarray(leaf) for leaf in jax.tree.leaves(arrays[1]))])
         start = jax.tree.unflatten(jax.tree.structure(code.start), leaves)
         self._rest = start[1:]
-        # There are two carries, since each sample reads one and writes the other.
+        # There are two copies of the loop's state (`Carry`), since each sample reads one and writes the other.
         carries = [jax.tree.map(np.array, start[0]) for _ in range(2)]
         moved = [eqx.tree_at(lambda c: (c.state.q, c.state.dq), carry, (world.q, world.dq)) for carry in carries]
         self._log = jax.tree.map(lambda x: np.zeros((rows + 1, *x.shape), x.dtype), code.log)
@@ -124,7 +124,7 @@ class NativeSteps:
         return not self._carries[self._current].fault.kind
 
     def set_force(self, i: int) -> None:
-        """Write the force on the joints at the start of the sample's substep i to `world.force`."""
+        """Write the force on the joints at the start of substep i after the latest sample to `world.force`."""
         self._i[...] = i
         self._force()
 
@@ -210,7 +210,7 @@ class Packing:
 
 
 class XlaSteps:
-    """The closed loop without the plant, by XLA; the interface is that of `NativeSteps`."""
+    """The closed loop without the plant, by XLA, with the methods of `NativeSteps`."""
 
     def __init__(self, loop: ClosedLoop, state: State, world: World) -> None:
         arrays, static = eqx.partition((loop, state), eqx.is_array)
@@ -307,8 +307,8 @@ def drive(plant: MujocoPlant, engine: str, request: RunRequest) -> EngineResult:
     - `engine`: requested name of the engine that evaluates the law, such as `auto`.
     - `request`: the loop; its plant must be `plant.with_friction`, which adds the friction that MuJoCo omits.
 
-    Raises DefinitionError if MuJoCo is missing or rejects the arm, NoNativeCodeError if `engine` is `native` and a
-    part of the law has no machine code.
+    Raises DefinitionError if MuJoCo is missing or rejects the arm, or the initial state is invalid; NoNativeCodeError
+    if `engine` is `native` and a part of the law has no machine code.
     """
     loop, state0, samples, every = request.loop, request.state0, request.samples, request.log_every
     period, substeps = float(loop.period), loop.substeps

@@ -52,7 +52,7 @@ its torque would cause in one step; with MuJoCo's default it would be 10 %."""
 
 CONTACT = 2e-3
 """Time constant of a contact [s], a tenth of MuJoCo's default: a pressed tip sinks in by less than 0.1 mm. MuJoCo
-requires at least two of its steps, here of 1 ms."""
+requires at least two of its time steps: steps longer than 1 ms lengthen it."""
 
 LEAST = 1e-12
 """Mass and moments of inertia of a massless link, kg and kg m²: MuJoCo requires positive values for moving bodies."""

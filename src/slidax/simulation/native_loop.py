@@ -32,9 +32,10 @@ class NativeLoop:
     - `steps`: the number of samples to advance.
     - `every`, only with a log: every `every`-th sample is logged.
     - `fresh`, only for a single run: True to start at t = 0.
-    - A `Carry`, only for a single run: the state from which it continues if not `fresh`.
+    - A `Carry`, only for a single run: the loop's state from which the run continues if not `fresh`.
 
-    Its outputs are the log's arrays, row by row, and a `LoopStart` whose `Carry` is that after the last sample.
+    The program's outputs are the log's arrays, row by row, and a `LoopStart`, whose `Carry` is the one after the last
+    sample.
 
     - `consts`: constant arrays in the loop's functions.
     - `start`: the `LoopStart`, with shapes instead of arrays.
@@ -88,6 +89,8 @@ def lower_loop(
     - `batch`: True for many runs in parallel.
     - `shared`: arrays that all runs of a batch share; then each function takes `(shared, arrays)` for `arrays`.
     - `beforehand`: preprocessing of the arrays, done once before the first sample; `start` and `step` take its result.
+
+    Raises NoNativeCodeError if an operation of the loop has no machine code.
     """
     inputs = arrays if shared is None else (shared, arrays)
     before = None if beforehand is None else _Traced(beforehand, inputs)

@@ -36,8 +36,8 @@ def read_columns(path: str | Path) -> dict[str, np.ndarray]:
 
     - `path`: the file, such as the `log.parquet` of a saved run.
 
-    Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name or a column
-    without numbers, or pyarrow is missing.
+    Raises DefinitionError if the file cannot be read, is not Parquet, has two columns with the same name, a column
+    without numbers or too many numbers, or pyarrow is missing.
     """
     table = read_table(Path(path))
     return {name: np.asarray(table.column(name)) for name in table.column_names}
@@ -132,7 +132,7 @@ def require_names(file: Any, name: str) -> None:
     """Raise a DefinitionError if two columns of a Parquet file have the same name.
 
     - `file`: a `ParquetFile` of pyarrow.
-    - `name`: the file's name, for messages.
+    - `name`: beginning of the messages, such as "`log.parquet`:".
     """
     doubled = [title for title, count in Counter(file.schema_arrow.names).items() if count > 1]
     if doubled:
@@ -148,7 +148,7 @@ def require_numbers(
     crashes if they are damaged.
 
     - `file`: a `ParquetFile` of pyarrow.
-    - `name`: the file's name, for messages.
+    - `name`: beginning of the messages, as in `require_names`.
     - `columns`: names of the needed columns.
     - `sizes`: list length by column, for columns with lists of numbers.
     - `most`: largest number of values to read; `MOST_NUMBERS` by default.
@@ -205,5 +205,6 @@ def element(column: Any, index: int) -> Any:
         return pc.list_element(column, index)
     except pa.ArrowInvalid:
         raise DefinitionError(
-            f"the lists in a column have different lengths: one has no entry {index}; write lists of equal length"
+            f"the lists in a column have different lengths: one has no entry {index}, counted from 0; write lists of "
+            "equal length"
         ) from None

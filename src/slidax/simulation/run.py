@@ -114,7 +114,8 @@ class Log(eqx.Module):
     - `t`: time [s].
     - `state`: the true state, not the measured one.
     - `reference`, `envelope`: the controller's reference and envelope; `envelope` is None for a scheme without one.
-    - `tau`: torque after the actuator's limits [N m or N]; if the measurement was lost, the previous torque.
+    - `tau`: torque command within the actuator's limits, before its dead time and lag [N m or N]; if the measurement
+      was lost, the previous command.
     - `signals`: the controller's internal quantities by name. If the measurement was lost, they belong to a command
       that was not applied.
     - `valid`: False for rows after the end of the run, which only a batch or a traced run has.
@@ -169,6 +170,8 @@ class Run(eqx.Module):
     - `state`: the true state at the last sample without a fault.
     - `period`: time between samples [s].
     - `t1`: requested end [s].
+    - `joint_units`: unit of each joint's position, "rad" or "m".
+    - `joint_names`: name of each joint.
     - `has_envelope`: True if the scheme has an envelope.
     - `timing`: computing time; None for a batch, and inside a transformation.
     - `load`: motion of a released payload; only with a `MujocoPlant`.

@@ -58,8 +58,11 @@ def simulate(
     mode the logged torque of sample k is the torque at the start of step k.
 
     - `plant`: the true robot with its disturbance; a `MujocoPlant` needs held mode.
-    - `tolerance`: tolerance band of the error, by which the run is judged independently of the scheme's envelope; see
-      `metrics.tolerance_margin` and `metrics.tolerance_violations`.
+    - `controller`: the control law.
+    - `trajectory`: reference motion of the joints.
+    - `state0`: the true state at t = 0.
+    - `tolerance`: tolerance band of the error, by which the run is judged independently of the controller's envelope;
+      see `metrics.tolerance_margin` and `metrics.tolerance_violations`.
     - `t1`: end [s], a whole number of periods.
     - `stepping`: period, mode, integrator, engine.
     - `log_every`: n to log every n-th sample; None for no log. Metrics always use all samples.
@@ -69,11 +72,12 @@ def simulate(
     - `changes`: fields of `Stepping` by keyword, which replace those of `stepping`: `period`, `mode`, `substeps`,
       `integrator`, `outside`, `limits`, `engine`. Either argument must set `period`.
 
-    `simulate` also works inside `jit`, `vmap` and `grad`: by XLA, without checks and without a progress bar. Then
-    `run.log.valid` marks the valid samples. Use `simulate_batch` for many runs.
+    `simulate` also works inside `jit`, `vmap` and `grad`: by XLA, without checks of the values and without a progress
+    bar. Then `run.log.valid` marks the valid samples. Use `simulate_batch` for many runs.
 
-    Raises DefinitionError if the parts do not fit each other, the start is outside the envelope, the actuator cannot
-    hold the arm at the start, or the start or the motion exceeds the joint limits.
+    Raises DefinitionError if the parts do not fit each other, the start is outside the envelope or the tolerance band,
+    the actuator cannot hold the arm at the start, or the start or the motion exceeds the joint limits. Raises
+    NoNativeCodeError if `engine` is "native" and a part of the loop has no machine code.
     """
     stepping = Stepping.of(stepping, changes)
     own = plant.with_friction if isinstance(plant, MujocoPlant) else plant
@@ -167,7 +171,8 @@ def simulate_batch(
     - `threads`: number of threads of the native engine; None for one per core.
 
     Raises DefinitionError if the parts do not fit each other, the arrays differ in their first axis, or the engine is
-    "cuda" and CuPy or a GPU is missing.
+    "cuda" and CuPy or a GPU is missing. Raises NoNativeCodeError if the engine is "native" or "cuda" and a part of the
+    loop has no machine code.
     """
     varied = jax.tree.map(jnp.asarray, varied)
     _require_one_length(varied)
@@ -184,7 +189,7 @@ def simulate_batch(
 
 @dataclass(frozen=True)
 class BatchRequest:
-    """Arguments that all runs of a batch have in common. Equal requests share compiled code."""
+    """Arguments that all runs of a batch have in common, as in `simulate_batch`. Equal requests share compiled code."""
 
     define: Callable[[Any], Parts]
     t1: float
@@ -304,7 +309,8 @@ def value_and_gradient(
     seven joints.
 
     - `metric`: maps a run to one number; pure, as inside `jax.grad`. `run.log.valid` marks the valid samples.
-    - `define`: maps x to `(plant, controller, trajectory, state0)`; pure, and traced by JAX.
+    - `define`: maps x to `(plant, controller, trajectory, state0)`, optionally followed by the tolerance band; pure,
+      and traced by JAX.
     - `at`: x, a tree of numbers and arrays.
     - `t1`, `stepping`, `bands`, `changes`: as in `simulate`; the engine "xla" uses `jax.jvp`.
     - `log_every`: n to log every n-th sample for the metric; None for no log.

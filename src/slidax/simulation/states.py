@@ -31,7 +31,7 @@ Numbers = NDArray[np.float64]
 
 
 class States(NamedTuple):
-    """Mass matrix, forces, tip and joint frames of a robot at k states.
+    """Mass matrix, forces, tip and joint frames at k states of a robot with n joints.
 
     - `mass`: M(q) [k n n], kg m², kg m, kg.
     - `bias`: `C(q,q̇) q̇ + G(q)` [k n], N m or N.
@@ -56,7 +56,8 @@ class States(NamedTuple):
 def states_of(robot: AbstractRobot, q: Numbers, dq: Numbers | None = None) -> States:
     """Return a robot's mass matrix, forces, tip and joint frames at k states.
 
-    - `q`, `dq`: positions and velocities [k n]; velocities are 0 by default.
+    - `q`: positions [k n], rad or m.
+    - `dq`: velocities [k n], rad/s or m/s; 0 by default.
 
     Raises DefinitionError if JAX uses 32-bit numbers.
     """
@@ -120,9 +121,10 @@ def require_within_limits(
 ) -> None:
     """Raise a DefinitionError if the start, or the motion at a sample of the run, exceeds a joint limit.
 
-    Velocities are means between two samples: if a mean exceeds the limit, so does the motion at some time.
+    Velocities are means between two samples: if a mean exceeds the limit, so does the motion at some time. The check
+    needs known values and a robot with joint limits; otherwise, and with `stepping.limits` "ignore", it is skipped.
 
-    - `steps`: number of periods.
+    - `steps`: number of periods of the run.
     """
     if (
         stepping.limits == "ignore"

@@ -1,4 +1,4 @@
-"""Stepping of a closed loop: period, mode, integrator, engine, and the end of a run."""
+"""Stepping of a closed loop: period, mode, integrator, engine, and the action at a violated envelope or joint limit."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Stepping(AbstractPart):
         static=True,
     )
     engine: EngineName = piece(
-        'engine: "native" for slidax\'s own machine code, "xla" for the reference, "auto" for "native" if possible, '
+        'engine: "native" for slidax\'s own machine code, "xla" for JAX\'s compiler, "auto" for "native" if possible, '
         '"cuda" for the native code on an NVIDIA GPU, for batches',
         default="auto",
         static=True,

@@ -171,7 +171,8 @@ class Tally(eqx.Module):
 
     e is the tracking error, rad or m, and τ the torque, N m or N.
 
-    - `samples`, `violations`: number of samples, and of those with a joint at or outside its bounds, [].
+    - `samples`: number of samples without a fault, [].
+    - `violations`: number of samples with a joint at or outside the envelope's bounds, [].
     - `last_above`: number of the last sample with |e| above each band, -1 if none, [k n].
     - `early_error`, `late_error`: sums of |e| up to 2 s, and after 2 s.
     - `error_square`: sum of e².
@@ -186,7 +187,7 @@ class Tally(eqx.Module):
     - `margin`: smallest distance to the nearer bound of the envelope over the run, divided by the envelope's width;
       inf without an envelope.
     - `tolerance`: margin to the tolerance band; None without one.
-    - `promise`: margin from the law's monitor; None without a monitor.
+    - `promise`: statistics of the margin from the law's monitor; None without a monitor.
     - `tool`: error of the tool; None without a tool path.
     - `rejected`: number of implausible measurements that the law's gate rejected, []; None without a gate.
     """

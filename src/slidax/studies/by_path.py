@@ -26,7 +26,7 @@ from slidax.simulation.simulate import Parts, value_and_gradient
 from .cases import Cases
 
 DIFFERENTIABLE = {item.key: item for item in (*METRICS, *TOLERANCE_METRICS, *TOOL_METRICS) if not item.counts}
-"""Metrics that `grad` can differentiate, by key: all except those that count samples."""
+"""Metrics that `grad` differentiates by key: all except those that count samples and those of the monitor."""
 
 
 def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | None = None) -> Run:
@@ -37,8 +37,9 @@ def sweep(scenario: Scenario, values: Mapping[str, Any], *, log_every: int | Non
     - `values`: an array for each dotted path of a parameter, whose first axis is the run; all have the same length.
     - `log_every`: n to log every n-th sample; None for no log.
 
-    Raises DefinitionError if a path does not exist, a value is out of its range, or a parameter is compiled into the
-    simulation loop and so cannot vary between the runs, such as the period.
+    Raises DefinitionError if a path does not exist, the arrays differ in length, a value is out of its range, or a
+    parameter is compiled into the simulation loop and so cannot vary between the runs, such as the period. It is also
+    raised for a scenario that `Scenario.replace` changed.
     """
     arrays = {path: np.asarray(array) for path, array in values.items()}
     counts = {path: len(array) if array.ndim else 0 for path, array in arrays.items()}
@@ -62,7 +63,7 @@ def grad(
     - `path`: dotted path of a parameter, or a list of paths; for a list the derivatives are a mapping by path.
 
     Raises DefinitionError if the metric has no derivative, a path does not exist, or the parameter is compiled into the
-    simulation loop, such as the period.
+    simulation loop, such as the period. It is also raised for a scenario that `Scenario.replace` changed.
     """
     paths = [path] if isinstance(path, str) else list(path)
     if isinstance(metric, str):

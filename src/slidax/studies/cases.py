@@ -107,7 +107,7 @@ def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:
 
 
 def join_rows(parts: Sequence[tuple[NDArray[Any], Columns]], rows: int) -> Columns:
-    """Merge groups of rows into one table in the order of the rows, and return it; missing values are NaN or 0.
+    """Merge groups of rows into one table in row order, and return it; missing values are NaN, or 0 for integers.
 
     - `parts`: for each group, the indices of its rows in the table, and its columns.
     - `rows`: number of rows in the table.
@@ -135,7 +135,7 @@ def concatenate(parts: Mapping[int, Columns]) -> Columns:
 
 
 MOST_LOOPS = 64
-"""Largest number of compiled loops in a study; each value that cannot vary within a loop needs its own."""
+"""Largest number of compiled loops in a study; each value that cannot vary within a loop needs a loop of its own."""
 
 LEAST_SIZE = 512
 """Smallest batch size for which the map from values to arrays is compiled; smaller batches are padded to it."""
@@ -174,7 +174,7 @@ class Cases:
 
         - `values`: values of the cases, for every path of the family; a single case if empty.
 
-        Raises DefinitionError if a case is invalid, or the cases need more than 64 loops.
+        Raises DefinitionError if a case is invalid, or if more than 64 loops would serve several cases each.
         """
         rows = len(next(iter(values.values()))) if values else 1
         result: list[tuple[NDArray[Any], Columns]] = []
@@ -239,7 +239,7 @@ class Cases:
         if len(fixed) < len(values) and len(self._loops.keys() | set(keys)) > MOST_LOOPS:
             raise DefinitionError(
                 f"each value of {' and '.join(f'`{path}`' for path in fixed)} needs a loop of its own, and at most "
-                f"{MOST_LOOPS} loops are compiled: use `choice` with few values"
+                f"{MOST_LOOPS} loops are compiled: use a set `choice` of few values"
             )
         return [(np.flatnonzero(which == k), key) for k, key in enumerate(keys)]
 

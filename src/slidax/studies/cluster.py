@@ -32,7 +32,7 @@ AHEAD = 2
 """Chunks submitted per worker, so that no worker waits for the next."""
 
 TRIES = 100
-"""Largest number of retries for a chunk whose worker died."""
+"""Largest number of retries for a chunk that raised an error, and for one whose workers died."""
 
 PATIENCE = 30.0
 """Time limit for a scheduler to answer [s]."""

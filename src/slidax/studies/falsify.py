@@ -124,7 +124,7 @@ class FalsifyResult(AbstractTableResult):
 
     @property
     def ended(self) -> str:
-        """The reason why the search ended, as a sentence."""
+        """The reason for the end of the search, in words."""
         return {
             "enough": f"a violation was found in run {self.runs}",
             "seconds": f"the time limit ended the search after {count_noun(self.runs, 'run')}",
@@ -167,7 +167,7 @@ class FalsifyResult(AbstractTableResult):
         label = f"worst {self.study.worst.replace('_', ' ')}"
         bound = 0.0 if self.study.worst == MARGIN else None
         chart = Chart("search", "The search", "The worst value so far.", "search_history", (history, label, bound))
-        note = f"Any two differ in at least one value, by {percent(self.study.apart)} of its set or more."
+        note = f"Any two of them differ in at least one value, by {percent(self.study.apart)} of its set or more."
         worst = Section("The worst cases", note, head, rows, [chart])
         if not self.rows:
             return [worst]

@@ -27,7 +27,7 @@ from .sweep import Sweep
 from .tune import Tune
 
 KINDS: tuple[type[AbstractStudy], ...] = (MonteCarlo, Sweep, Falsify, Sensitivity, Tune, Compare)
-"""The classes of studies, in the order of their use."""
+"""The classes of the six kinds of studies."""
 
 if TYPE_CHECKING:
     AnyStudy = AbstractStudy
@@ -86,7 +86,7 @@ def scenario_of_row(folder: str | Path, row: int) -> ScenarioDescription:
     - `folder`: a study's folder with `study.json` and `rows.parquet`.
     - `row`: number of the row.
 
-    Raises DefinitionError if there is no such row.
+    Raises DefinitionError if the folder has no complete study, or the study has no such row.
     """
     rows, identity = read_rows(folder), read_identity(Path(folder))
     if "row" not in rows or any(key not in identity for key in TASK):

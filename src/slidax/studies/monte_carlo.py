@@ -119,7 +119,7 @@ class MonteCarloResult(AbstractTableResult):
     """Result of a Monte Carlo study.
 
     - `rates`: failure rate of each property.
-    - `ended`: reason for the end of the study, as a sentence.
+    - `ended`: reason for the end of the study, in words.
     - `why`: likeliest cause in the worst run, if every run failed.
     """
 

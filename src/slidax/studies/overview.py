@@ -110,8 +110,8 @@ def _margins(family: Family, table: Columns) -> list[Section]:
     if not strongest:
         return []
     shown = {_label(family, name): table[name] for name in columns if name in strongest}
-    note = f" The {len(strongest)} of {len(strength)} that correlate most." if len(strength) > len(strongest) else ""
-    picture = Chart("margin", "Margin", f"Over uncertain values.{note}", "margin_over", (margin, shown))
+    note = f", the {len(strongest)} of {len(strength)} that correlate most" if len(strength) > len(strongest) else ""
+    picture = Chart("margin", "Margin", f"Over uncertain values{note}.", "margin_over", (margin, shown))
     return [Section("Dependence of the margin", "", figures=[picture])]
 
 

@@ -120,10 +120,11 @@ def pareto_search(
     - `evaluations`: largest number of points.
     - `start`: start of the search, such as the current gains [dimension]; the middle if None.
     - `seed`: seed of the random numbers.
-    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `seconds`: time limit after which no batch begins [s]; None for no limit.
     - `most`: largest number of points of the returned front.
 
-    Raises DefinitionError if the dimension or the budget is less than 1, or `cmaes` is not installed.
+    Raises DefinitionError if the dimension or the budget is less than 1, `start` is not a point of the cube, or `cmaes`
+    is not installed.
     """
     require_budget(dimension, evaluations)
     require_cmaes()

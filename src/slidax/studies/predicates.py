@@ -146,7 +146,7 @@ class SequentialStop:
         return count
 
     def ended(self, runs: int) -> str:
-        """Return the reason for the end of the study, as a sentence.
+        """Return the reason for the end of the study in words, such as “stopped at failure 1, in run 20”.
 
         - `runs`: planned number of runs.
         """

@@ -135,7 +135,7 @@ class Runner:
         - `first`: number of the first row.
         - `values`: values of the cases.
 
-        Raises DefinitionError if the store has these rows with different values.
+        Raises DefinitionError and PartDone as `stream` does.
         """
         total = len(next(iter(values.values())))
         chunks = [

@@ -66,7 +66,7 @@ class EvaluatedPoints:
 
     - `objective`: maps points to the values to minimise.
     - `evaluations`: largest number of points.
-    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `seconds`: time limit after which no batch begins [s]; None for no limit.
     - `enough`: value below which the search ends; None for no such value.
     """
 
@@ -101,6 +101,8 @@ class EvaluatedPoints:
         """Evaluate points in a batch, and return their values [points]; +∞ for points beyond the budget.
 
         - `points`: points [points dimension], moved to the nearest point of the cube.
+
+        Raises DefinitionError if the objective does not return a value for each point.
         """
         wanted = np.clip(points[: self.left], 0.0, 1.0)
         values = np.full(len(points), np.inf)
@@ -217,7 +219,7 @@ def _cmaes() -> Any:
 
 
 STEP = 1e-5
-"""Step of the finite differences: far above a run's rounding errors, far below its nonlinearity."""
+"""Step of the finite differences: its effect is far above rounding errors, and nearly linear."""
 
 ITERATIONS = 10
 """Largest number of L-BFGS-B iterations; a nonsmooth function ends them earlier."""
@@ -309,16 +311,18 @@ def search_lowest(
 ) -> SearchResult:
     """Search for the lowest points of a function on the unit cube, in batches.
 
-    Up to 30 % of the budget, at most 2048 points, is spread over the cube. Several CMA-ES islands start at the best of
-    these points that are distant from each other. Each batch contains the points of all islands. An island that has
-    settled restarts with twice as many points, at the lowest point that is distant from all settled islands. The rest
-    of the budget goes to quasi-Newton steps with finite differences from the lowest points.
+    First, 30 % of the budget is spread over the cube: at least a generation of CMA-ES, and at most 2048 points. Several
+    CMA-ES searches, the islands, start at the best of these points that are distant from each other. Each batch
+    contains the points of all islands. An island that has settled restarts with twice as many points, at the lowest
+    point that is distant from all settled islands. The last 10 % of the budget goes to quasi-Newton steps with finite
+    differences from the lowest points.
 
     The same seed gives the same points, unless the time limit ends the search.
 
     - `objective`: function of points [points dimension] to values [points]; nonfinite values count as +∞.
+    - `dimension`: dimension of the cube.
     - `evaluations`: largest number of points.
-    - `seconds`: time limit after which no batch begins; None for no limit.
+    - `seconds`: time limit after which no batch begins [s]; None for no limit.
     - `enough`: value below which the search ends; None for no such value.
     - `islands`: number of CMA-ES islands.
     - `keep`: largest number of returned points.
@@ -351,7 +355,7 @@ def search_lowest(
 def _search_by_islands(
     known: EvaluatedPoints, dimension: int, seed: int, islands: int, distance: float, reserve: int
 ) -> Stop:
-    """Search by islands until only `reserve` evaluations are left; return the reason for the end, then "settled"."""
+    """Search by islands until `reserve` evaluations are left, and return "settled", or the reason to end earlier."""
     seeds = iter(np.random.SeedSequence(seed).generate_state(10_000))
     size = population(dimension)
     points, values = known.all

@@ -40,7 +40,7 @@ def points_for_indices(groups: Sequence[int], base: int, *, seed: int = 0) -> np
 
     The points are in the unit cube, whose dimension is the sum of the groups.
 
-    - `groups`: number of coordinates in each group; a group gets one index.
+    - `groups`: number of coordinates in each group; a group gets one first-order and one total index.
     - `base`: a power of two, at least a few hundred.
     - `seed`: seed of the scrambling.
 
@@ -119,7 +119,7 @@ class Sensitivity(AbstractStudy):
     of: Annotated[tuple[str, ...], Field(min_length=1)] = OF
     """Results whose variance is explained: `margin`, or metrics such as `steady_error`."""
     each: Literal["path", "number"] = "path"
-    """`path`: a share for each path, such as the friction of all joints; `number`: a share for each joint's number."""
+    """`path`: a share for each path, such as the friction of all joints; `number`: a share for each number in it."""
     confidence: float = input_field("confidence of the intervals", "", "(0, 1)", default=0.95)
 
     def run(self, how: RunOptions) -> SensitivityResult:

@@ -54,7 +54,7 @@ class PairedDifference:
     - `pairs`: number of cases with a value in both groups.
     - `mean`, `median`: mean and median difference; None without pairs.
     - `of_mean`: confidence interval of the mean by the bootstrap (BCa); None for fewer than two pairs.
-    - `of_median`: distribution-free interval of the median, from order statistics; None for fewer than two pairs.
+    - `of_median`: distribution-free interval of the median, from order statistics; None for too few pairs.
     - `p_value`: p-value of Wilcoxon's signed-rank test of symmetry about 0; None for fewer than two pairs.
     """
 
@@ -181,7 +181,7 @@ def clopper_pearson(
     runs must not depend on their results; otherwise use `confidence_sequence`.
 
     - `failures`: k.
-    - `runs`: n; [0, 1] for n = 0.
+    - `runs`: n; the interval is [0, 1] for n = 0.
     - `confidence`: 1 - α.
     - `side`: "both" for two ends, "upper" to bound the rate only from above.
 
@@ -216,12 +216,12 @@ def confidence_sequence(failures: int, runs: int, confidence: float = 0.95) -> I
     with k failures in n runs, the beta function B, a = 0.2, w = 1/2, and 1[k = 0] equal to 1 without failures, else 0.
     For the true rate p, Mₙ(p) is a martingale with mean 1. By Ville's inequality it ever reaches 1/α with probability
     at most α. The interval is `{p: Mₙ(p) < 1/α}` (mixture method: H. Robbins, Ann. Math. Statist. 41, 1970). With the
-    weight w = 1/2 on p = 0, the upper end without failures equals that of `clopper_pearson` at the same n and
-    confidence. With failures the interval is wider: at 99 % and n = 1000 the upper end is 1.5 times as high for one to
-    three failures, 1.26 times for 30, and 1.05 times for 500.
+    weight w = 1/2 on p = 0, the upper end without failures is slightly below that of `clopper_pearson` at the same n
+    and confidence. With failures the interval is wider: at 99 % and n = 1000 the upper end is 1.5 times as high as
+    Clopper and Pearson's for one to three failures, 1.26 times for 30, and 1.05 times for 500.
 
     - `failures`: k, so far.
-    - `runs`: n, so far; [0, 1] for n = 0.
+    - `runs`: n, so far; the interval is [0, 1] for n = 0.
     - `confidence`: 1 - α, for all n together.
 
     Raises DefinitionError if k is not in [0, n], or the confidence is not in (0, 1).

@@ -28,7 +28,7 @@ LARGEST_IDENTITY, LARGEST_PART, LARGEST_ROWS = 64_000_000, 1_000_000_000, 8_000_
 """Largest sizes of a store's files [bytes]."""
 
 MOST_NUMBERS = 10**9
-"""Largest number of values in a table; a small compressed file may have more."""
+"""Largest number of values in a table that is read: a small compressed file can hold more than fits in memory."""
 
 
 class DamagedError(Exception):
@@ -203,7 +203,8 @@ class Store:
     - `resume`: True to keep the rows of this study that the folder has.
     - `notes`: meanings of the columns, by name.
 
-    Raises DefinitionError if the folder has another study, or if it has this study and `resume` is False.
+    Raises DefinitionError if pyarrow is not installed, if the folder has other files or another study, or if it has
+    this study and `resume` is False.
     """
 
     def __init__(self, folder: Path, identity: Mapping[str, Any], *, resume: bool, notes: Mapping[str, str]) -> None:

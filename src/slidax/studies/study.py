@@ -77,7 +77,7 @@ class Section:
 class AbstractResult(ABC):
     """Base of the results of studies.
 
-    - `family`: the family to which the scenarios of all runs belong.
+    - `family`: the scenarios of all runs: a scenario with a set of values for each uncertain or varied path.
     - `path`: file or folder of the rows; None if they were not stored.
     - `computed`, `seconds`: number of newly computed rows, and their computing time.
     """
@@ -269,7 +269,7 @@ class AbstractStudy(AbstractDescription):
         if not self.in_parts or getattr(self, "until", None) is not None:
             kind = self.study if not self.in_parts else f"{self.study} with `until`"
             raise DefinitionError(
-                f"`--part` is for studies whose rows are known in advance; {kind} chooses each row from earlier "
+                f"`--part` is for studies whose rows are known in advance, but the rows of {kind} depend on earlier "
                 "results: leave `--part` out, or use --cluster"
             )
 

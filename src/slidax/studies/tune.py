@@ -383,8 +383,8 @@ AIMS = ("steady_error", "steady_torque_step", "peak_torque")
 class Tune(AbstractStudy):
     """Searches for gains on random training cases, and scores the best gains on held-out cases.
 
-    Every candidate runs on the same training cases. Candidates that violate a property in a case are discarded. The
-    others form a Pareto front. The current gains and the front are then scored on held-out cases.
+    Every candidate, a set of gains, runs on the same training cases. Candidates that violate a property in a case are
+    discarded. Of the others the Pareto front is kept. The front and the current gains are scored on held-out cases.
     """
 
     study: Literal["tune"]

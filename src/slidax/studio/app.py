@@ -42,7 +42,7 @@ POLICY = (
 
 
 def page(manifest: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the HTML page for a `manifest`, and the page's content security policy.
+    """Return the HTML page for a `manifest` (see `manifest.py`), and the page's content security policy.
 
     The policy allows only the page's own scripts, and requests only to the studio.
     """

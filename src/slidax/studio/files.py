@@ -189,7 +189,8 @@ class Folder:
     def listing(self, folder: str = "") -> list[FileEntry]:
         """Return the readable files below a `folder` (default: all), at most `MOST_FILES`.
 
-        Hidden files, links, other endings than `READ`, and Python and Node environments are left out.
+        Hidden files, links, other endings than `READ`, Python and Node environments, and files more than `DEEPEST`
+        folders deep are left out.
         """
         top = self.resolve(folder) if folder else self.root
         entries: list[FileEntry] = []

@@ -318,8 +318,8 @@ class Jobs:
         - `kind`: key in `COMMANDS`.
         - `options`: options from the page, by name.
 
-        Raises DefinitionError for invalid options, FileExistsError if results would be overwritten, TooManyError if too
-        many jobs wait.
+        Raises DefinitionError for invalid options or if another job writes the same `out`, FileExistsError if results
+        would be overwritten, TooManyError if too many jobs wait.
         """
         if self._closed:
             raise TooManyError("the studio is shutting down")
@@ -327,7 +327,9 @@ class Jobs:
             raise TooManyError("too many waiting jobs: wait, or cancel some")
         command = command_of(self._folder, kind, options)
         if any(not job.over and command.out and job.command.out == command.out for job in self._jobs.values()):
-            raise FileExistsError(f"another job is already writing `{command.out}`")
+            raise DefinitionError(
+                f"another job is writing `{command.out}`: wait until it ends, or choose another name", where="out"
+            )
         name = secrets.token_hex(6)
         job = StudioJob(name, kind, command, self._private / f"job-{name}")
         self._jobs[name] = job

@@ -166,7 +166,7 @@ def test_damping_reports_the_pose_error_at_a_singularity():
         ("must be the tool.s pose at the start", [Through(poses=[[0, 0, 1], [0, 0, 0.5]], times=[0, 1])], {}),
         ("by 140 degrees", [Through(poses=[[0.4, 0, 0.5, 0.8, -0.2, 0.5, 0.1]], duration=1.0)], {}),
         ("`tolerance` must be in", [Pause(duration=1.0)], {"tolerance": 0.0}),
-        ("within the joint limits", [Pause(duration=1.0)], {"posture": [9, 0, 0, -1, 0, 1, 0]}),
+        ("strictly inside the joint limits", [Pause(duration=1.0)], {"posture": [9, 0, 0, -1, 0, 1, 0]}),
     ],
 )
 def test_impossible_moves_are_errors_with_the_reason(message, moves, more):

@@ -130,10 +130,11 @@ def evaluate(
 
     - `text`: numbers, strings, lists, arithmetic, comparisons, conditions, indices, comprehensions and calls.
     - `names`: values by name; a mapping's entries are read as attributes, such as `arm.links`.
-    - `functions`: functions by name that a text may call, in addition to those of `math` and some built-ins.
+    - `functions`: functions by name that the expression may call, in addition to those of `math` and some built-ins.
     - `budget`: step budget of the file's expansion; a new one by default.
 
-    Raises ExpressionError for anything else.
+    Raises ExpressionError for any other syntax or function, and for a result that exceeds a limit. Errors of the
+    evaluation itself, such as a KeyError for an unknown name, pass through.
     """
     try:
         tree = ast.parse(text.strip(), mode="eval")

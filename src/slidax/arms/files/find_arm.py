@@ -101,7 +101,9 @@ class _Tree:
     def arm_to(self, tip: str | None) -> ArmInFile:
         moving = self._path_to(tip) if tip is not None else self._longest()
         if not moving:
-            message = "no joint moves the named tip" if tip else f"no joint is part of an arm{self._left_out_message()}"
+            message = (
+                f"no joint moves the tip `{tip}`" if tip else f"no joint is part of an arm{self._left_out_message()}"
+            )
             raise DefinitionError(message)
         end = tip if tip is not None else self._tip(moving[-1].child)
         names = tuple(edge.name for edge in moving)
@@ -111,7 +113,7 @@ class _Tree:
     def _left_out_message(self) -> str:
         """Return text on the joints that count as those of a hand, with the remedy; empty if there are none."""
         names = [edge.name for edge in self._edges if edge.held is not None and edge.is_of_a_hand]
-        reason = "follow or lead others, or have names of fingers; name the arm's end by `--tip LINK`"
+        reason = "follow or lead others, or have names of fingers; name the arm's end by `tip` (`--tip LINK`)"
         return f": {quote_names(names)} {reason}" if names else ""
 
     def _path_to(self, tip: str) -> list[_Edge]:

@@ -20,9 +20,10 @@ NEAREST = Setting("inertias", "nearest")
 PRINTED = 0.01
 """Largest change by "given", relative to the largest principal moment: the effect of rounding to three digits.
 
-Such rounding changes each entry by at most 0.5 %: a body's inertia I becomes I + E with `|E| ≤ 0.005 |I|`, where
-`‖I‖ ≤ √2 I₃` in the Frobenius norm. An eigenvalue of `½ tr(E) 1 - E` is `⟨E, ½ 1 - u uᵀ⟩ ≤ 0.005 (√3/2) √2 I₃`, one
-of E is at most `0.005 √2 I₃`. So the projection changes no principal moment by more than 0.71 % of the largest.
+Such rounding changes each entry by at most 0.5 %: a body's inertia I becomes I + E with `|E_ij| ≤ 0.005 |I_ij|`. The
+worst case is a flat body, with the principal moments `I₁ + I₂ = I₃`, so that `‖I‖ ≤ √2 I₃` in the Frobenius norm. With
+a unit eigenvector u, an eigenvalue of `½ tr(E) 1 - E` is `⟨E, ½ 1 - u uᵀ⟩ ≤ 0.005 (√3/2) √2 I₃`, one of E is at most
+`0.005 √2 I₃`. So the projection changes no principal moment by more than 0.71 % of the largest.
 """
 
 
@@ -48,7 +49,7 @@ class RigidInertias:
         """Return the inertia itself if a body can have it, else the nearest possible one.
 
         - `inertia`: about the centre of mass, symmetric [3 3], kg m².
-        - `owner`: its link or body, such as "link `forearm`".
+        - `owner`: the link or body with this inertia, such as "link `forearm`".
         - `moves`: True if a joint moves it directly.
 
         Raises DefinitionError, naming the owner, if the inertia must not be replaced.

@@ -34,7 +34,7 @@ def actuators_of_joint(model: Any, joint: int) -> list[int]:
 def torque_limits(model: Any) -> np.ndarray:
     """Return the torque limit of each joint of a MuJoCo model, N m or N; infinite if the file has none.
 
-    It holds in both directions.
+    Each limit holds in both directions.
 
     Raises DefinitionError, naming the joint, if its torque range does not contain both directions.
     """
@@ -203,8 +203,9 @@ def from_mjcf(
 
     Positions are MuJoCo's and include `ref`. Damping is viscous friction, `frictionloss` is Coulomb friction. Torque
     limits come from `actuatorfrcrange` and from the joints' actuators; for an asymmetric range the smaller side counts.
-    Contacts are ignored. Objects of a scene that are not fixed to the arm, such as a box on a table, are dropped with a
-    DefinitionWarning. Other forces on the joints are errors: springs, tendons, equalities, compensated gravity.
+    MJCF has no velocity limits, so they are infinite. Contacts are ignored. Objects of a scene that are not fixed to
+    the arm, such as a box on a table, are dropped with a DefinitionWarning. Other forces on the joints are errors:
+    springs, tendons, equalities, compensated gravity.
 
     - `source`: path of the file, or its text.
     - `tip`: name of the body or site whose frame is the tip; optional if only one moving body carries no other body.

@@ -201,7 +201,11 @@ def _carrier(model: Any, body: int, free: set[int]) -> int:
 
 
 POSTURES = 3
+"""Number of random postures in which the forces and inertias are tested."""
+
 ROUNDING = 1e-9
+"""Largest passive force that counts as 0, relative to 1 N m or N plus the largest passive force of a joint."""
+
 SINGULAR = 1e-12
 """Least eigenvalue of a regular inertia matrix, relative to its largest."""
 

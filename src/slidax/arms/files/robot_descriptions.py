@@ -1,4 +1,4 @@
-"""Robot files of the package robot_descriptions, by the name of its module, such as `panda_description`."""
+"""Find robot files by their names in the Python package robot_descriptions, such as `panda_description`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from slidax.core.errors import DefinitionError
 NAME = re.compile(r"\w+_description", re.ASCII)
 
 PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
-"""Variables of a module that name its file, in the order of preference."""
+"""Variables of a module that hold the path of its robot file, in the order of preference."""
 
 
 def is_description(word: str) -> bool:
-    """True if a word has the form of a module of robot_descriptions."""
+    """True if a word has the form of the name of a module of robot_descriptions."""
     return NAME.fullmatch(word) is not None
 
 
@@ -39,9 +39,9 @@ def description_file(name: str) -> Path:
             f"`{name}` is not a robot of robot_descriptions; `python -m robot_descriptions list` lists them"
         ) from None
     except Exception as error:
-        # It runs git, whose failures have no common class.
+        # The import runs git, whose failures have no common class.
         raise DefinitionError(f"robot_descriptions does not provide `{name}`: {error}") from error
     for variable in PATHS:
         if hasattr(module, variable):
             return Path(getattr(module, variable))
-    raise DefinitionError(f"`{name}` of robot_descriptions has neither a URDF nor an MJCF file")
+    raise DefinitionError(f"`{name}` of robot_descriptions has no URDF, MJCF or xacro file")

@@ -67,7 +67,8 @@ def mimicry_of(tree: UrdfTree, tip: str, locked: Mapping[str, float], mimics: st
     - `mimics`: "held" as above, or "followed" to let each follower move with its leader if the leader moves.
     - `notes`: receives the held joints.
 
-    Raises DefinitionError, naming the joint, if a joint on the path follows an unknown joint or itself.
+    Raises DefinitionError, naming the joint, if a joint on the path follows an unknown joint or itself. Elsewhere
+    such a joint is held at its position nearest to 0.
     """
     if mimics not in get_args(Mimics):
         raise DefinitionError(f"`mimics` must be `held` or `followed`; got `{mimics}`")
@@ -229,15 +230,16 @@ def from_urdf(
 ) -> Articulated | Coupled:
     """Read an arm from a URDF file, by MuJoCo (`pip install 'slidax[robots]'`).
 
-    A limit that is missing or 0 is infinite. Each assumption is a `DefinitionWarning` that names file, element and
-    remedy.
+    The result is a `Coupled` arm if a joint moves with another. A velocity or effort limit is infinite if it is
+    missing, 0 or -1, a position range if it is missing or from 0 to 0. Each assumption is a `DefinitionWarning` that
+    names file, element and remedy.
 
     - `source`: path of the file, or its text. A file that ends in `.xacro` is expanded by xacrodoc.
     - `tip`: name of the link whose frame is the tip; optional if only one moving link carries no other link.
     - `locked`: positions of joints that do not move, such as a gripper's, rad or m.
     - `gravity`: acceleration in the base link's frame [3], m/s².
-    - `armature`: rotor inertia at the joints: one number, one per moving joint, or by joint name with 0 for the others,
-      kg m² or kg; by default those of the file's transmissions, and 0 without any.
+    - `armature`: rotor inertia at the joints: one number, one per moving joint that follows no other, or by joint name
+      with 0 for the others, kg m² or kg; by default those of the file's transmissions, and 0 without any.
     - `packages`: folders for `package://NAME/...`: by name, or folders that contain packages. The folders around the
       file are searched as well.
     - `meshes`: True if every mesh must exist. None is read, since the motion does not depend on them.
@@ -381,13 +383,13 @@ def _armatures(joints: Sequence[str], mimicry: Mimicry, armature: Armature) -> d
         for name in armature:
             if name not in joints:
                 raise DefinitionError(
-                    f"`armature` names joint `{name}`, which does not move; {nearest_word(name, joints)}"
+                    f"`armature` names `{name}`, which is no moving joint; {nearest_word(name, joints)}"
                 )
         return {name: float(value) for name, value in armature.items()}
     values = static_value(as_array(armature))
     if values.shape not in ((), (len(moving),)):
         raise DefinitionError(
-            f"`armature` must be one number, or one for {each_of(len(moving), 'joint')} that move, "
+            f"`armature` must be one number, or one for {each_of(len(moving), 'moving joint')}, "
             f"{', '.join(moving)}; got shape {list(values.shape)}"
         )
     return dict(zip(moving, np.broadcast_to(values, len(moving)).tolist(), strict=True))

@@ -24,13 +24,13 @@ MOST_OF_YAML = MEGABYTE // 4
 """Size limit of a YAML file [bytes]; reading a larger one can take more than ten seconds."""
 
 STEPS_OF_A_NODE = 25
-"""Steps of the budget for an element or an attribute: they limit the memory of an expansion to about 0.2 GB."""
+"""Steps that an element or an attribute takes from the `Budget`, to limit an expansion to about 0.2 GB of memory."""
 
 STEPS_OF_A_COPY = 100
-"""Additional steps of the budget for each use of a macro or a block."""
+"""Additional steps that each use of a macro or a block takes from the `Budget`."""
 
 LONGEST_MESSAGE = 500
-"""Most characters that are shown of a message of xacro."""
+"""Most characters of a message from xacro that an error shows."""
 
 MACRO_PARAMETER = re.compile(
     r"^\s*([^\s:=]+?)\s*:?=\s*(\^\|?)?(\$\{.*?\}|\$\(.*?\)|(?:'[^']*'|\"[^\"]*\"|[^\s'\"])+|)(?:\s+|$)(.*)"
@@ -51,8 +51,8 @@ def expand(path: Path, arguments: Mapping[str, str], packages: Packages = (), *,
     - `arguments`: values of its `<xacro:arg>` by name.
     - `most`: size limit for the file, for each included file, and for the expansion [bytes].
 
-    Raises DefinitionError if xacrodoc is not installed, or the expansion needs more bytes than `most` or more steps
-    than a `Budget` has.
+    Raises DefinitionError if xacrodoc is not installed, xacro rejects the file, or the expansion needs more bytes than
+    `most` or more steps than a `Budget` has.
     """
     try:
         import xacro

@@ -1,7 +1,8 @@
-"""Certificates of an arm with its uncertainty set: inertia and weight bounds, the demand on the loops, and the drives.
+"""Certificates of an arm with its uncertainty set: stability for each inertia, robust torque, and torque limits.
 
-`members.py` has the true arms of a set. `demand.py` bounds the disturbances that the joints' loops must compensate
-along the motion. `inertia_ratio.py`, `torque_budget.py` and `robust_torque.py` are the certificates.
+`members.py` has the true arms of a set. `inertia_bounds.py` bounds inertia and gravity torque in every posture.
+`demand.py` bounds the disturbances that the joints' loops must compensate along the motion. `inertia_ratio.py`,
+`torque_budget.py` and `robust_torque.py` are the certificates.
 
 Read first: `arm_motion.py`, `members.py`, `demand.py`.
 """

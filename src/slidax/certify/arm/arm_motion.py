@@ -122,7 +122,7 @@ def _external_torques(disturbance: Any, t: Any, q: Any, dq: Any) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class NominalModel:
-    """A law's model of the arm: inertia `M̂ = S (M0 + diag(J - J0)) S` and friction `F̂ = f tanh(q̇_d/v_s)`.
+    """A law's model of the arm: inertia `M̂ = S (M0 + diag(max(J, 0) - J0)) S`, friction `F̂ = f tanh(q̇_d/v_s)`.
 
     J are the rotor inertias that the law has learned, and J0 those that M0 contains. S is the identity, or a diagonal
     scaling if a J is below 0 (`with_rotors`).
@@ -336,7 +336,7 @@ KEPT = 24
 def inertia_ratios(
     plants: Sequence[Plant], beliefs: Sequence[NominalModel], motion: StateSequence, kept: int = KEPT
 ) -> tuple[Floats, Floats, Floats]:
-    """Return bounds of `K = M⁻¹M̂` over all arms, with the true inertia M and the law's M̂ along the motion.
+    """Return extremes of `K = M⁻¹M̂` over all arms, with the true inertia M and the law's M̂, at `INSTANTS` times.
 
     The three results are:
 

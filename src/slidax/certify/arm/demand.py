@@ -181,7 +181,7 @@ def _kappa_assumption(members: Members, hull: Hull, arms: int) -> Assumption:
     every = 2 ** len(members.inertial(hull.without)) + 1
     which = "corners of the set in inertia and its middle"
     if every > MOST_ENDS + 1:
-        which += f", of {every}"
+        which += f" (of {every} in all)"
     text = (
         f"κ and the coupling are those of {arms} {'member' if arms == 1 else 'members'}, {which}, at {INSTANTS} "
         "instants of the motion, without deviations from it"

@@ -18,19 +18,22 @@ from .arm_motion import StateSequence, breakpoints, distinct_inertias, outer_tor
 from .members import Members
 
 ROUNDING = 1e-9
-"""Relative to the largest value: smaller differences count as rounding errors."""
+"""Differences below this share of the largest value count as rounding errors."""
 
 PROBE = 0.29
 """Share of a value's range at which the polynomial through the ends and the middle is checked."""
 
 SAMPLED = 5
-"""Number of points on the range of a value that is not a polynomial of degree up to 2 in the torques."""
+"""Number of points on the range of a value in which the torques are not a polynomial of degree up to 2."""
 
 MOST_CORNERS = 96
-"""Largest number of corners when groups of values are combined; further groups are enclosed in a box."""
+"""Largest number of corners when groups of values that multiply each other are combined.
+
+Further groups are enclosed in a box.
+"""
 
 NODES = {1: 2, 2: 3, 3: SAMPLED}
-"""Number of points on an axis, by its degree."""
+"""Number of points on an axis, by the function's degree in it."""
 
 MOST_POINTS = 1024
 """Largest number of points of one group."""
@@ -49,7 +52,8 @@ class Hull:
     - `points`: points of the box at which members are evaluated [P D]; the first is the middle of the box.
     - `corners`: weights of each corner [K P].
     - `effects`: weights of each effect [E P]. An effect is the function's change by half the range of a value.
-    - `sampled`: axes along which the function is no polynomial of degree up to 2. They were only sampled.
+    - `sampled`: axes that were only sampled: along them the function is no polynomial of degree up to 2, or too many
+      values multiply each other.
     - `without`: axes on which the function does not depend.
     """
 

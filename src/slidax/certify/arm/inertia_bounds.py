@@ -1,4 +1,4 @@
-"""Bounds of an arm's inertia and weight in every posture, from their trigonometric series."""
+"""Bounds of an arm's inertia matrix M and gravity torque G in every posture, from their trigonometric series."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..sampled_scenario import Flags, Floats
 from .arm_motion import mass_and_bias
 
 POINTS = 5
-"""Number of grid points for each joint: twice the degree plus one."""
+"""Number of grid points for each joint: one more than twice the degree of M, which is 2."""
 
 MOST = 7
 """Largest number of joints on which M and G may depend: 5⁷ postures are 78 125."""
@@ -78,8 +78,8 @@ class PostureGrid:
         joints = tuple(np.flatnonzero(change > 1e-12 * max(float(np.abs(values).max()), 1e-300)).tolist())
         if len(joints) > MOST:
             raise DefinitionError(
-                f"the arm's inertia or weight depends on {len(joints)} joints, and bounds over all postures are "
-                f"computed for at most {MOST}"
+                f"the arm's inertia matrix or gravity torque depends on {len(joints)} joints, and bounds over all "
+                f"postures are computed for at most {MOST}"
             )
         return cls(joints, revolute, middle, half)
 
@@ -135,7 +135,7 @@ MOST_POINTS = 720
 """Largest number of grid points of a joint."""
 
 MOST_FACTOR = 20.0
-"""Largest factor from a grid's maximum to the bound. On a coarser grid `Σ ‖c_k‖` is the smaller bound."""
+"""Largest factor from a grid's maximum to the bound. For a coarser grid `Σ ‖c_k‖` is the bound."""
 
 WORTH = 0.02
 """The terms that a joint adds are bounded on a further grid if their share of the total variation is above this."""
@@ -211,7 +211,7 @@ def _points(count: int, entries: int) -> int:
 def _largest(
     series: TrigonometricSeries, terms: Flags, kept: Sequence[int], points: int, size: Callable[[Floats], Floats]
 ) -> float:
-    """Return the largest norm of the sum of `terms` on a grid of the joints `kept`; they depend on no other joints."""
+    """Return the largest norm of the sum of `terms` on a grid of the joints `kept`; `terms` depend on these alone."""
     joints = len(series.grid.joints)
     shape = series.coefficients.shape[1:]
     coefficients = np.where(terms.reshape(-1, *[1] * len(shape)), series.coefficients, 0.0)
@@ -287,7 +287,7 @@ def arm_constants(
     - `load`: a payload that is always carried, or None.
     - `lower`, `upper`: limits of prismatic joints [n], m; ±0.5 m by default.
 
-    Raises DefinitionError if M depends on more than seven joints.
+    Raises DefinitionError if joints are coupled, or M or G depends on more than seven joints.
     """
     mass, weight = inertia_and_weight_series(robot, load, lower, upper)
     n = robot.joints
@@ -338,7 +338,7 @@ def inertia_and_weight_series(
 
     - `load`, `lower`, `upper`: as in `arm_constants`.
 
-    Raises DefinitionError if M depends on more than seven joints.
+    Raises DefinitionError as `arm_constants` does.
     """
     require_independent_joints(robot)
     n = robot.joints

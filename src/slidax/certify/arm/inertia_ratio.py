@@ -28,7 +28,7 @@ from .members import Members
 NAME, TITLE = "inertia_ratio", "the joints' loops are stable for the set's inertias"
 
 MATRICES = 240
-"""Number of matrices K for which the coupled loop is evaluated."""
+"""Largest number of matrices K for which the coupled loop is evaluated."""
 
 BETWEEN = 32
 """Number of κ that are evaluated in a range, evenly spaced in the logarithm."""
@@ -71,18 +71,20 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     assumptions = [
         *demand.of_kappa,
         Assumption(
-            f"each loop's eigenvalues have a modulus below 1 at {BETWEEN} κ of its range, and up to ends by bisection",
+            f"each loop's eigenvalues have a modulus below 1 at {BETWEEN} κ of its range, which lies inside the stable "
+            "range that bisection finds",
             "tested" if alone else "fails",
             float(np.max(radius)),
         ),
         *together.listed,
-        Assumption("near the goal, with s⁺ = 0 and a steep surface, the loop of a joint is linear", "assumed"),
+        Assumption("near e = 0, with s⁺ = 0 and a steep sliding surface, the loop of a joint is linear", "assumed"),
         *learning,
     ]
     after = any("afterwards" in line.text and line.status != "fails" for line in learning)
+    stable_for = "unstable even at κ = 1" if np.isnan(ranges[0, joint]) else f"stable for {span(*ranges[:, joint])}"
     says = (
-        f"κ of `{names[joint]}` is {span(low[joint], high[joint])}, and its loop is stable for "
-        f"{span(*ranges[:, joint])} (docs/sampled-data.md, Admissible error of M0)"
+        f"The inertia ratio κ of `{names[joint]}` is {span(low[joint], high[joint])}, and its loop is {stable_for} "
+        "(docs/sampled-data.md, Admissible error of M0)"
     )
     if not alone and after:
         says += "; learning brings κ into this range, which is not proved"
@@ -207,9 +209,9 @@ def _learning(law: SampledData, stable: bool) -> list[Assumption]:
     prior, gate = np.asarray(learning.prior), np.asarray(learning.gate)
     time = float(np.max(prior / gate**2))
     afterwards = Assumption(
-        f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² between "
-        f"{float(learning.low):.3g} and {float(learning.high):.3g} rad/s, coherently with its torque, until ∫φ² dt "
-        f"exceeds the prior's {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at the gate, less at larger accelerations",
+        f"afterwards κ is nearer to 1: the joint must accelerate by more than {np.max(gate):.2g} rad/s² in the band "
+        f"from {float(learning.low):.3g} to {float(learning.high):.3g} rad/s, coherently with its torque, until ∫q̈² dt "
+        f"in it exceeds `prior`, {np.max(prior):.2g} (rad/s²)² s: {time:.2g} s at this acceleration, less above it",
         "assumed",
         time,
     )

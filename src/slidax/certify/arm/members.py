@@ -55,7 +55,7 @@ INSTANTS = 64
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """The true arms of a scenario: points of a box with one axis for each uncertain value.
+    """The true arms of a scenario: points of a box with D axes, one for each uncertain value of the arm and its forces.
 
     - `scenario`: the scenario; all members have its law.
     - `family`: the uncertainty set.

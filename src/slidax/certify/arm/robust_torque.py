@@ -29,7 +29,7 @@ from .torque_budget import torque_limits
 ROBUST_TORQUE = "robust_torque", "the robust torque is large enough"
 
 REMEDY_FACTOR = 1.05
-"""Factor of the required torque in a remedy."""
+"""Factor on the missing torque in a remedy."""
 
 
 @certificate(*ROBUST_TORQUE, covers=(*ARM, "sensor", "actuator"))
@@ -111,7 +111,7 @@ HELD_OUT = 4
 """Number of members for the independent check, relative to `MEMBERS`."""
 
 BOUND_REMEDY_FACTOR = 1.02
-"""Factor of the smallest parameters in a remedy."""
+"""Factor on the smallest sufficient b0, b1, b2 in a remedy."""
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def _arrays(plant: Plant) -> Any:
 
 
 def narrow_time(scenario: Scenario) -> float:
-    """Return the end of the simulated approach [s]; t1 for a law without an envelope.
+    """Return the end of the simulated approach [s]; the end of the scenario, t1, for a law without an envelope.
 
     It is 1.25 times the time at which the envelope is narrow (`SETTLED`), plus 0.1 s.
     """
@@ -180,7 +180,7 @@ def extreme_members(members: Members) -> tuple[list[Plant], list[tuple[Floats, F
 
 
 BRAKING_FACTOR = 1.6
-"""New envelope's radius over the distance to brake: the default `room` of `Recovery`."""
+"""Radius of a recovery's new envelope over the distance in which a joint brakes: the default `room` of `Recovery`."""
 
 
 @dataclass(frozen=True)
@@ -219,8 +219,8 @@ class BrakingMargin:
 def braking_margin(scenario: Scenario, members: Members, limit: Floats, torque: Floats) -> BrakingMargin:
     """Return the acceleration that the drives can deliver in addition to the motion, for braking.
 
-    It is `a_i = (τ_max,i - max |τ_i|)/max M_ii` over motion and members. M_ii is the largest value of M0 and of the
-    members at corners of the set.
+    It is `a_i = (τ_max,i - max |τ_i|)/max M_ii` over the motion. max |τ_i| is `torque`, and max M_ii is
+    the largest of the law's initial inertia and of the members at corners of the set.
 
     - `limit`: limits of the torques [n], N m or N.
     - `torque`: largest |τ| along the motion over the set [n], N m or N.
@@ -242,7 +242,7 @@ FREE = 0.1
 """Share of the simulated approach in which no limit may be reached: the last part."""
 
 LONGER = (1.5, 2.0, 3.0, 4.0)
-"""Factors on the deadline in the search for a remedy."""
+"""Factors on the envelope's deadline in the search for a remedy."""
 
 
 @certificate(*TORQUE_BUDGET, covers=ARM)
@@ -254,6 +254,10 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     On the approach from the start to the reference torques are simulated, for members and starts at corners of the set.
     If a limit is reached only on the approach, the certificate holds from the time `since`, after which no limit is
     reached. The other certificates apply from then on.
+
+    The verdict's `bound` has for each joint: `torque` and its largest change in a period, `torque_step`, along the
+    motion; the same on the approach, `approach_torque` and `approach_torque_step`; `free_after` of `ApproachRuns`; and
+    of `BrakingMargin` `acceleration` (`acceleration_left`), `room` (`recovery_room`) and `speed` (`braking_speed`).
 
     - `demand`: demand of the set; computed by default.
     - `family`: a set in place of the scenario's own, such as a study's; `demand` must belong to it.
@@ -334,7 +338,7 @@ def _approach_assumption(approach: ApproachRuns, since: float | None, free: bool
     count = count_noun(approach.runs, "simulated run")
     runs = f"{count} of {approach.until:.3g} s, with arms and starts at corners of the set"
     if not approach.ended:
-        return Assumption(f"approach to the reference: not every run reaches its end, of {runs}", "fails")
+        return Assumption(f"approach to the reference: a run ends early, of {runs}", "fails")
     if since is None:
         return Assumption(f"approach to the reference: no limit is reached in {runs}", "tested")
     if free:

@@ -77,7 +77,8 @@ class MotionVerdict:
     """The error bound along one motion, and the limits that the motion may exceed.
 
     - `verdict`: the bound with its assumptions. It holds if the error is at most the allowed error, the arm's ranges
-      are kept and no torque limit acts.
+      are kept, no torque limit acts, the motion itself needs no larger torque step than the drives have, and the
+      assumptions of `plan_lines` hold.
     - `limits`: limits that the motion may exceed: error, positions, speeds, then drives. A limit on the torque step
       alone does not change the verdict.
     """
@@ -99,9 +100,9 @@ class MotionAdmission:
     - `admitted`: True if the guarantee holds for the motion as it is.
     - `bound`: error bound of each joint [n], rad or m; None if no bound exists.
     - `dominant`: the term with the largest share of the bound; empty if no bound exists.
-    - `slow_down`: smallest factor on the motion's duration with which it is admitted, as far as the search tells; None
-      if no factor was found.
-    - `limit`: the first limit that the motion may exceed; None if it is admitted.
+    - `slow_down`: smallest factor on the motion's duration with which it is admitted, as far as the search tells; 1 if
+      `admitted`, None if no factor was found or searched.
+    - `limit`: the first limit that the motion may exceed; None if there is none, or the motion is admitted.
     - `verdict`: the verdict for the motion as it is.
     """
 

@@ -47,7 +47,7 @@ class CertifiedLaw:
     - `loop`: linear loop of every joint.
     - `uncertainty`: uncertainty of the true arm.
     - `gate`: the law's measurement gate, which rejects implausible positions.
-    - `torque`, `torque_rate`: the smaller of the drives' and the law's limits [n], N m or N, and per second.
+    - `torque`, `torque_rate`: the smaller of the drives' and the law's limits [n], N m or N, and N m/s or N/s.
     - `premises`: assumptions that the certificate does not prove.
     - `hand_over`: nonlinear part of a law with a sliding surface (hand_over.py); None for computed torque.
     """

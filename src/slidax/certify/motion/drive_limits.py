@@ -78,7 +78,7 @@ def drive_bounds(arm: Articulated, solution: Solution) -> DriveBounds:
 def planned_torques(arm: Articulated, cells: PathCells) -> tuple[Floats, Floats]:
     """Return the planned motion's largest torque and torque step in each cell [cells n], as the law computes them.
 
-    The first step is relative to the torque that holds the nominal arm at rest, or in uniform motion.
+    The first step is relative to `C0 q̇ + G0` of the nominal arm at the start, the earlier torque that the law assumes.
     """
     h, count = cells.period, len(cells.q) * cells.per_cell
     q, dq, *_ = cells.pieces.at(np.asarray(np.arange(count + 2) * h, float))

@@ -1,9 +1,10 @@
 """Error bounds along a motion as a fixed point of monotone inequalities.
 
 All joints have the same linear loop (joint_loop.py). So a bound of the disturbance w in a norm gives a bound of every
-output of the loop in that norm. The arm obeys `ë = K (s + w) + ρ` with `K = M⁻¹ M0` and `M = M0 + E`, the nominal and
-the true inertia. s is the law's feedback acceleration. w itself depends on the outputs. ρ is the reference's mean
-acceleration in a period less its actual one. The smaller of two bounds of each output is used:
+output of the loop in that norm. The error e obeys `ë = K (s + w) + ρ` with `K = M⁻¹ M0`, the nominal inertia M0 and the
+true inertia `M = M0 + E`. s is the law's feedback acceleration. w itself depends on the outputs. ρ is the reference's
+mean acceleration in a period less its actual one. p bounds E: `(1 - p) M0 <= M <= (1 + p) M0`. The smaller of two
+bounds of each output is used:
 
 - small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
   `|M0⁻¹ E| |x|`;
@@ -36,7 +37,7 @@ from .path_tube import Tube
 Floats = NDArray[np.float64]
 
 ROUNDS = 100
-"""Largest number of rounds. If the iteration has not converged by then, it has no bound."""
+"""Largest number of rounds, each an evaluation of all inequalities; an iteration that needs more has no bound."""
 
 SETTLED = 1e-3
 """Relative change at which an iteration is extrapolated and verified."""
@@ -80,7 +81,7 @@ USED = (
     "led",
     "sliding",
 )
-"""Outputs of the joint loop that the inequalities bound."""
+"""Outputs of the joint loop that the inequalities bound (`OUTPUTS` in joint_loop.py)."""
 
 DIRECT_SHARE = {"position_miss": 0.5, "velocity_miss": 1.0}
 """Largest effect of an acceleration on an output in the same period, in units of the period."""
@@ -92,9 +93,10 @@ class Inputs:
 
     - `coulomb`: Coulomb friction that is not compensated [n], N m or N.
     - `viscous`: largest viscous coefficient [n], N m s/rad; `viscous_error`: its largest difference from the law's.
-    - `torque`: disturbance torque of any form [n]; `torque_rate`: its rate [n], inf if the rate has no bound.
+    - `torque`: disturbance torque of any form [n], N m or N; `torque_rate`: its rate [n], N m/s or N/s, inf without a
+      bound.
     - `resolution`: encoder resolution plus the noise's range, twice the largest error of a position [n], rad or m.
-    - `start_error`, `start_speed`: |e| and |ė| at the start [n].
+    - `start_error`, `start_speed`: |e| [n], rad or m, and |ė| [n], rad/s or m/s, at the start.
     - `settled`: True if the disturbance estimate has settled at rest before the start; False if it starts from 0.
     """
 
@@ -116,8 +118,9 @@ class Bounds:
     - `error`, `velocity`: bounds of |e| and |ė| [cells n].
     - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric of M0 [cells].
     - `shares`: function that computes `terms`.
-    - `disturbance`: bound of the disturbance's parts of any form [cells n]; `disturbance_norm`: of their norm [cells].
-      Two parts have a rate and are left out: the inertial band along the motion, a disturbance torque of bounded rate.
+    - `disturbance`: bound of those parts of the disturbance w that have no bound of their rate [cells n];
+      `disturbance_norm`: of their norm [cells]. Two parts with a bounded rate are left out: the inertial band along the
+      motion, and a disturbance torque of bounded rate.
     - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
 
@@ -136,7 +139,7 @@ class Bounds:
         return self.shares()
 
     def times(self, factor: float) -> Bounds:
-        """Return the bounds multiplied by a factor."""
+        """Return the bounds multiplied by a factor, except `disturbance`, `disturbance_norm` and `shares`."""
         return replace(
             self,
             error=self.error * factor,
@@ -146,7 +149,7 @@ class Bounds:
         )
 
     def joined(self, other: Bounds) -> Bounds:
-        """Return the larger of the two bounds, value by value."""
+        """Return the larger of the two bounds, value by value; all other fields are those of `self`."""
         return replace(
             self,
             error=np.maximum(self.error, other.error),
@@ -172,7 +175,11 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return kernels of `spreads_of` as arrays, for the outputs `USED`; cached. `weighted`: of κ = 1, weighted."""
+    """Return the kernels of the outputs `USED` as arrays, by name; cached.
+
+    `nominal`, `departure` and `largest` are the fields of `Spread`. `weighted` has the kernels of κ = 1 with
+    the weight of `spread_kernels` for `growth`.
+    """
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -214,7 +221,7 @@ class Problem:
         tables = tables_of(loop, self.p, growth, *cut)
         self.nominal, self.weighted = tables["nominal"], tables["weighted"]
         self.departure, self.largest = tables["departure"], tables["largest"]
-        # Bound of the change of K over a lag. An input at lag k is up to k + 1 periods old.
+        # Bound of the change of K⁻¹ = I + M0⁻¹ E over a lag. An input at lag k is up to k + 1 periods old.
         self.stacks = stacks_of(loop, self.p, growth)
         kernel = self.stacks["largest"].summed[:, 0]
         ages = h * (1.0 + np.arange(len(kernel)))
@@ -231,7 +238,10 @@ class Problem:
         self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
     def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
-        """Return the constant shares of w by name, per joint [cells n] and in the metric [cells], and ‖ρ‖ [cells]."""
+        """Return the shares of w that do not depend on the outputs, and ‖ρ‖ [cells].
+
+        The shares are by name: per joint [cells n], and in the metric of M0 [cells].
+        """
         at, inputs, cells = self.at, self.inputs, self.path.cells
         friction = inputs.coulomb + inputs.viscous_error * cells.speed
         friction = friction + inputs.viscous * (0.5 * self.h * cells.acceleration)
@@ -251,9 +261,9 @@ class Problem:
         return joints, norms, size_in(mean, at.inertia)
 
     def _constant(self) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, tuple[Floats, Floats]]]:
-        """Return the constant shares of the outputs by name, for the small gain and for the modes.
+        """Return the shares of the outputs that do not depend on them, by name, for the small gain and for the modes.
 
-        Each share is a pair: per joint [cells n outputs], and in the metric [cells 1 outputs].
+        Each share is a pair: per joint [cells n outputs], and in the metric of M0 [cells 1 outputs].
         """
         at, inputs, cells = self.at, self.inputs, self.path.cells
         shape = cells.speed.shape
@@ -399,9 +409,10 @@ class Problem:
         return np.where(self.by_element[:, None], np.minimum(in_metric, each), in_metric)
 
     def _apart(self, total_norm: Floats, acceleration: Floats) -> tuple[Floats, Floats]:
-        """Return bounds by the modes of K, without the constant shares.
+        """Return bounds by the modes of K, without the shares of `_constant`.
 
-        One is of the departure from the nominal loop [cells n outputs], the other of ‖outputs‖ [cells 1 outputs].
+        The first bounds the outputs' departure from the nominal loop [cells n outputs], the second their norms
+        [cells 1 outputs].
         """
         # The inertial band counts E q̈_d in place of E (q̈_d + ρ): E ρ is a further w of at most p ‖ρ‖.
         total = (total_norm + self.p * self.acting)[:, None]
@@ -490,7 +501,7 @@ def _total(shares: Mapping[str, tuple[Floats, Floats]], which: int) -> Floats:
 
 
 def _or_next(values: Floats) -> Floats:
-    """Return the larger of a cell's value and the next cell's: its last period ends where the next cell begins."""
+    """Return the larger of a cell's value and the next cell's: a cell's last period ends where the next cell begins."""
     return np.maximum(values, np.concatenate([values[1:], values[-1:]]))
 
 

@@ -67,7 +67,7 @@ class HandOver:
 
         - `places`: M, length of the tables.
 
-        Raises DefinitionError for a law whose s⁺ is not 0 in a boundary layer, with a remedy.
+        Raises DefinitionError for a law with a boundary layer, in which s⁺ is not 0; the message has a remedy.
         """
         step = law.step
         if not isinstance(step, AbstractSurfaceStep):

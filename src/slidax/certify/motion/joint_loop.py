@@ -69,7 +69,7 @@ OUTPUTS: dict[str, int] = {
 class JointLoop:
     """The linear loop of every joint; all joints have the same.
 
-    - `period`: h [s]; `kp` [1/s²] and `kd` [1/s]: of the computed torque.
+    - `period`: h [s]; `kp` [1/s²], `kd` [1/s]: gains of the computed torque.
     - `gains`: L1, L2 [1/s], L3 [1/s²] of the Kalman filter.
     - `delay`: D, from a measurement to the start of its torque, whole periods.
     - `lead`: c of the led error `ê_p + c v̂_p` [s]; 0 for a law that does not use the led error.
@@ -307,9 +307,10 @@ def equal_gain(name: str, values: object, remedy: str) -> float:
 class PeriodMaps:
     """One period of the loop as linear maps of the state x, measurement error n, disturbance w and goal g.
 
-    `x⁺ = step x + enters (n, ∫(1-τ) w, ∫w) + goal g` with the time τ from 0 to 1 in the period, and
-    `y = outputs x + direct n + goal_direct g` with the outputs y in the order of `OUTPUTS`. The state x is that of the
-    module's docstring. g belongs to the command that is decided in the period.
+    `x⁺ = step x + enters (n, κ ∫(1-τ) w, κ ∫w) + goal g` with the time τ from 0 to 1 in the period, and
+    `y = outputs x + direct n + goal_direct g` with the outputs y in the order of `OUTPUTS`. The effect of w on y in the
+    same period is left out (`DIRECT` in loop_kernels.py). The state x is that of the module's docstring. κ is the
+    nominal inertia over the true inertia. g belongs to the command that is decided in the period.
     """
 
     step: Floats

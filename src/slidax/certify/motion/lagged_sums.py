@@ -46,7 +46,7 @@ class Lags:
 
         An instant between j and j+1 cell lengths before another one in cell m lies in cell m-j or m-j-1. So the larger
         of the two values counts. The first cell's value also holds before that cell. The last cell is for all later
-        times: its sum is a bound for any order of the values before.
+        times: its sum takes the largest of the last J + 1 values at every lag up to J cells.
 
         - `values`: bounds of k inputs in each cell [cells k].
         """

@@ -23,8 +23,8 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
     The value of each is the largest ratio of a bound to its limit. Below 1 the assumption is proved, else assumed.
 
     The gate (`MeasurementGate`) may reject a position for three reasons: it is out of range; it is too far from the
-    last one; or it repeats the two before although the law predicts that the joint moves. In the last case the
-    predicted travel is at most the innovation, the difference of measurement and prediction.
+    last one; or it is the third in a row that repeats the one before, although the law predicts that the joint moves.
+    Then the predicted travel is at most the innovation, the difference of measurement and prediction.
     """
     gate, h, n = law.gate, law.loop.period, law.arm.joints
     q_max, speed, acceleration, spread = (

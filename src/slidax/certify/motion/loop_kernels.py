@@ -38,8 +38,8 @@ class LoopKernel:
 
     - `any_form`: a disturbance acceleration w of size 1, of any form within and between periods.
     - `ramp`: a continuous w with a rate of size 1.
-    - `beyond`: factor on the size of w, whose product is to be added to the response to a ramp: w's effect within the
-      period itself.
+    - `beyond`: factor on the size of w. The product is added to the response to a ramp, for the effect of w in its own
+      period.
     - `step`: a w that is 1 from some time on.
     - `pulse`: a position pulse of size 1 in each period.
     - `noise`: a measurement error of size 1 at each sample.

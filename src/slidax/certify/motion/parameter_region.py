@@ -28,7 +28,7 @@ from .body_points import BodyPoints, points_of, pseudo_inertias
 Floats = NDArray[np.float64]
 
 SHARE = 0.3
-"""Share of the mean body that is added to each body's pseudo-inertia in the metric of covers.
+"""Share of the mean body that is added to each body's pseudo-inertia before it scales the cover (T of `cover_points`).
 
 With it, the metric of a light body is not singular."""
 

@@ -3,7 +3,7 @@
 The inertial parameters φ are affine in masses, in inertias about fixed centres, and in rotor inertias. So over a box of
 such values `φ = φ_m + Σ_k ξ_k D_k` with |ξ_k| <= 1, for the middle φ_m and a row D_k for each value. Let M(D) and J(D)
 be the inertia matrix and a body's pseudo-inertia for the parameters D, and ΔM and ΔJ_b their errors. A row that only
-adds mass has `M(D_k) >= 0` for every q. If all rows do,
+adds mass has `M(D_k) >= 0` for every q. If this holds for all rows,
 
 1. `-M(Σ D_k) <= ΔM <= M(Σ D_k)`, so that one p holds for all rows together;
 2. `-Σ J(D_k) <= ΔJ_b <= Σ J(D_k)` for each body;

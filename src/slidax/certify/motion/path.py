@@ -45,7 +45,7 @@ class Path:
 
     @cached_property
     def cover(self) -> PointMotion:
-        """Motion of the cover's points, which bound the errors of the bodies' pseudo-inertias."""
+        """Motion of the points of the region's cover, which bounds the errors ΔJ of the bodies' pseudo-inertias."""
         return self.frames.of(self.region.points)
 
     @cached_property
@@ -56,7 +56,7 @@ class Path:
 
     @cached_property
     def root(self) -> Floats:
-        """`G⁻ᵀ` with `M0 = G Gᵀ` [cells n n]; for its columns x and y, `xᵀ M0 y` is 1 or 0."""
+        """`G⁻ᵀ` with `M0 = G Gᵀ` [cells n n]; its columns are orthonormal in the metric of M0."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.mass)).swapaxes(1, 2))
 
     @cached_property

@@ -167,7 +167,8 @@ def pieces_of(motion: AbstractMotion, until: float | None = None) -> AbstractPie
 
     - `until`: time up to which a motion without an end is bounded [s]; not used for a piecewise polynomial.
 
-    Raises DefinitionError for a motion of another kind, or for a motion without an end if `until` is None.
+    Raises DefinitionError for a motion of another kind, for one that starts before 0 s, and for a motion without an end
+    if `until` is None.
     """
     if isinstance(motion, AbstractPiecewisePolynomial):
         return Pieces.of(motion)

@@ -114,11 +114,11 @@ def spectral_norm(a: Floats) -> Floats:
 class JointPairs:
     """Pairs (j, k) of joints, for the second derivatives `∂_j∂_k X` of points X by joint positions.
 
-    If one joint carries the other, `∂_j∂_k X = z_inner × ∂_outer X`, with the joints' axes z. Otherwise it is 0.
+    If one joint is or carries the other, `∂_j∂_k X = z_inner × ∂_outer X`, with the joints' axes z. Otherwise it is 0.
 
     - `inner`, `outer`: the smaller and the larger index of each pair; a joint has a larger index than those that carry
       it [n n].
-    - `known`: 1 where one joint carries the other, else 0 [n n].
+    - `known`: 1 where one joint is or carries the other, else 0 [n n].
     """
 
     inner: NDArray[np.intp]
@@ -215,7 +215,7 @@ def _sizes(each: Floats, square: Floats, root: Floats) -> tuple[Floats, Floats]:
 
 
 def size_in(x: Floats, inertia: Floats) -> Floats:
-    """Return `√(xᵀ |M| x)` [cells], the largest norm `√(yᵀ M y)` of a vector y with |y_i| <= x_i.
+    """Return `√(xᵀ |M| x)` [cells], a bound of the norm `√(yᵀ M y)` of each vector y with |y_i| <= x_i.
 
     - `x`: bounds of the entries [cells n]. `inertia`: |M| by element [cells n n].
     """

@@ -227,9 +227,9 @@ class _Contraction:
     weights: Floats
 
     def __call__(self, field: Floats, others: Sequence[Floats]) -> Floats:
-        """Return `Σ_b tr(a_b J_r b_bᵀ)` [cells others r] over bodies b, for a field a and each of the other fields b.
+        """Return `Σ_b tr(a_b J_r c_bᵀ)` [cells others r] over bodies b, for a field a and each of the other fields c.
 
-        - `field`: a [cells n 4 3]. `others`: parts of the other fields, each [cells parts n 4 3].
+        - `field`: a [cells n 4 3]. `others`: the other fields, in parts [cells parts n 4 3].
         """
         right = np.concatenate([other[:, :, self.bodies] for other in others], axis=1)
         moments = field[:, None, self.bodies] @ right.swapaxes(-1, -2)

@@ -51,7 +51,7 @@ class ArmUncertainty:
     - `torque_rate`: largest rate of the disturbance torque, N m/s or N/s; None if the rate has no bound.
     - `resolution`: resolution of the encoders plus the range of their noise, peak to peak, rad or m. The error of a
       measured position is at most half of this value.
-    - `start_error`, `start_speed`: largest |e| and |ė| when the motion starts.
+    - `start_error`, `start_speed`: largest |e|, rad or m, and |ė|, rad/s or m/s, when the motion starts.
     - `settled`: True if the law has held the arm at rest before; False if its disturbance estimate starts from 0.
 
     Raises DefinitionError for a value below 0.
@@ -165,7 +165,8 @@ def certified_path(
     - `hand_over`: the plan of a law with a sliding surface; None for computed torque.
     - `until`: end of the bounded time, for a motion without an end [s].
 
-    Raises DefinitionError if an argument is invalid, or the loop is unstable for an arm of the band.
+    Raises DefinitionError if an argument is invalid, the loop is unstable for an arm of the band, or the arm's inertia
+    changes too fast along the motion.
     """
     inputs = uncertainty.inputs(arm)
     bodies = bodies or BodyPoints.of(arm)

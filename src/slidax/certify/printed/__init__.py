@@ -1,5 +1,7 @@
 """Certificates of laws in the form that the paper prints, in continuous time or with the torque held over a period.
 
+The paper is Nonlinear Dynamics (2022), doi 10.1007/s11071-022-07650-w. Numbers in brackets are its equations.
+
 Read first: `printed_law.py`, `settling_time.py`.
 """
 

@@ -1,7 +1,7 @@
 """Sliding-mode laws in the form that the paper prints, and the assumptions of certificates in continuous time.
 
-The printed form is the torque of (41) to (45) and (51) in continuous time. The other form, sampled data, plans the
-torque over a period.
+The printed form is the torque of the paper's (41) to (45) and (51), computed from the present state. The other form,
+sampled data, plans the torque over a period.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class PrintedLaw:
 
     @property
     def layer(self) -> float | None:
-        """s0, the width of the boundary layer; None for a reaching law without a unit vector."""
+        """s0, the width of the boundary layer, rad/s or m/s; None for a reaching law without a term `s/(‖s‖ + s0)`."""
         reaching = self.law.reaching
         if not isinstance(reaching, FixedTimeReaching | TwoPowerReaching):
             return None
@@ -130,7 +130,7 @@ class PrintedLaw:
         return self._surface(np.zeros((1, self.joints)))[1][0]
 
     def phi_inverse(self, phi: float) -> Floats:
-        """Return for each joint an upper bound of the ε with `φ(ε) = phi` [n], too large by at most a factor 1 + 1e-5.
+        """Return for each joint an upper bound of the ε with `φ(ε) = phi` [n], too large by at most a factor 1 + 2e-4.
 
         - `phi`: value of φ, rad/s or m/s; for `phi` <= 0 the result is 0.
         """
@@ -192,7 +192,10 @@ class PrintedLaw:
         return BatchedFunction(lambda eps: psi(eps, sides))
 
     def nominal_variation(self) -> float:
-        """Return the largest change of M0 from one random posture to 63 others, relative to its largest entry there."""
+        """Return the largest change of the nominal inertia matrix M0 from one random posture to 63 others.
+
+        It is relative to the largest entry of M0 in the first posture.
+        """
         masses = masses_at(self.law.nominal, np.random.default_rng(0).uniform(-3, 3, (64, self.joints)))
         return float(np.max(np.abs(masses - masses[0])) / np.max(np.abs(masses[0])))
 

@@ -91,8 +91,8 @@ def settling_time(scenario: Scenario) -> Verdict:
     - `supremum`: the supremum over all starts. It is smaller, since the integrals are computed and not split in two.
     - `given_start`: the bound for the scenario's own start, with the envelope as it narrows.
     - `deadline`: T of (20), the time from which the envelope's radius is ρ∞; it does not depend on the other values.
-    - `reaching`: the time until the sliding variable is 0, which the first three times contain; one value for all
-      joints in each of the three.
+    - `reaching`: the part of the first three times in which the sliding variable reaches 0, under the same three names;
+      one value for all joints.
 
     docs/certificates/reference.md has the derivation.
     """
@@ -138,12 +138,12 @@ class _Times:
 
     @property
     def excess(self) -> float:
-        """K of (45), by which u exceeds the bound of the uncertainty."""
+        """The margin k of (45), by which the robust torque u exceeds the bound of the uncertainty, N m."""
         return float(self.bound.margin)
 
     @cached_property
     def spread(self) -> float:
-        """Relative difference of M0 between postures."""
+        """Relative difference of the nominal inertia matrix M0 between postures."""
         return self.printed_law.nominal_variation()
 
     @cached_property
@@ -156,12 +156,12 @@ class _Times:
 
     @property
     def stated(self) -> float:
-        """`2/(m1+m2)`, the nominal inertia that follows from the law's bounds of ‖M⁻¹‖."""
+        """`2/(m1+m2)`, the nominal inertia that follows from the law's bounds `m1 <= ‖M⁻¹‖ <= m2` (47)."""
         return 2.0 / float(self.bound.inverse_inertia_min + self.bound.inverse_inertia_max)
 
     @property
     def damping(self) -> tuple[float, float]:
-        """`n^((1-r)/2) λmin(K0)` and r: gain and exponent of the power of s in (64)."""
+        """`n^((1-r)/2) λmin(K0)` and r: gain and exponent of the power of ‖s‖ in (64), for n joints."""
         assert self.printed_law.gain is not None
         gain, r = self.printed_law.gain
         least = float(np.linalg.eigvalsh(0.5 * (gain + gain.T)).min())

@@ -72,9 +72,9 @@ def ultimate_bound(scenario: Scenario) -> Verdict:
 
 @dataclass(frozen=True)
 class _FinalBounds:
-    """Bounds at the end of a run.
+    """Bounds at the end of a run, with the symbols of `ultimate_bound`.
 
-    - `size`: s̄.
+    - `size`: s̄, the bound of ‖s‖.
     - `error`: bound of |e| [n].
     - `limit`: σ2, which s̄ must not exceed.
     """
@@ -86,7 +86,7 @@ class _FinalBounds:
 
 @dataclass(frozen=True, eq=False)
 class _Member:
-    """An arm of the set.
+    """An arm of the uncertainty set, with the symbols of `ultimate_bound`.
 
     - `scenario`: the scenario with this arm.
     - `layer`: s0.
@@ -235,9 +235,10 @@ def _larger_margin(scenario: Scenario, needed: float) -> tuple[Remedy, ...]:
 PRINTED_PERIOD = "printed_period", "stable at its period"
 
 SAFE = 0.95
-"""Share of the limit up to which a period is recommended. Above it a loop is stable, but its eigenvalue near -1 makes
-the torque steps larger: 20 times within 2 % of the limit in the paper's examples
-(docs/tutorials/reproduce-the-paper.md).
+"""Share of the limit up to which a period is accepted.
+
+Nearer to the limit a loop is stable, but an eigenvalue near -1 amplifies the torque's steps (section "Longest period"
+in docs/tutorials/reproduce-the-paper.md).
 """
 
 
@@ -251,12 +252,13 @@ def printed_period(scenario: Scenario) -> Verdict:
     exactly where `h M⁻¹ (M0 Λ + (u/s0) I)` has one at 2. The surface alone has the limit `2/λmax(M⁻¹ M0 Λ)`, the layer
     alone `2 s0 λmin(M)/u`.
 
-    Bounds: `period`, 95 % of the limit; `limit`, `surface` and `layer` as above, s.
+    The verdict's `bound` has `limit`, `2/λmax(M⁻¹ (M0 Λ + (u/s0) I))`, and `period`, 95 % of it. `surface` and `layer`
+    are the limits of these two parts alone, all in s.
     """
     printed = PrintedLaw.of(scenario)
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
-        return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to a law in the paper's printed form")
+        return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to printed laws with u s/(‖s‖ + s0)")
     if layer == 0.0 or isinstance(printed.law.reaching, TwoPowerReaching):
         limits = {"period": 0.0, "limit": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
     else:
@@ -266,7 +268,7 @@ def printed_period(scenario: Scenario) -> Verdict:
     limit, period = limits["period"], scenario.period
     claim = f"With the torque held for less than {1e3 * limit:.3g} ms the loop is stable and smooth near its goal"
     if limit == 0.0:
-        claim = "A unit vector without a layer chatters at every period"
+        claim = "A unit vector without a layer, or a power of s below one, chatters at every period"
     if not printed.held:
         text = f"{claim}; this scenario's torque follows the state at once, and `period` is the integrator's step."
         return Verdict(*PRINTED_PERIOD, None, None, limits, (), text)

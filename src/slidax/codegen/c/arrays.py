@@ -34,7 +34,7 @@ class Arrays:
         return word if stored is None else f"{stored[0]}[{stored[1]}]"
 
     def new_name(self, stem: str) -> str:
-        """Return a free name for an array, from a stem without its trailing number."""
+        """Return an unused name for an array, from the name `stem` without a number at its end."""
         stem = re.sub(r"_?\d+[a-z]*$", "", stem) or "v"
         stem = identifier(stem)
         name, letters = stem, iter(LETTERS)
@@ -69,7 +69,7 @@ class Arrays:
             parts = self._split(lanes) if several else [self._single_group(lane) for lane in lanes]
             self._add_singles(parts)
             groups += parts
-        # Only now are the arrays of their operands known.
+        # Only now are the arrays known that contain the operands of single statements.
         groups = self._regroup(groups, lambda lane: (lane.line.visit, lane.type, lane.piece.template))
         return self._regroup(groups, self._arrays_of)
 
@@ -165,7 +165,7 @@ class Arrays:
         groups = []
         k = 0
         while k < len(lanes):
-            # Elements that are already chosen must follow a rule as well.
+            # Results that are already stored in an array must follow a rule as well.
             placed = [lane.name in self.stored for lane in lanes[k:]]
             alike = next((n for n, known in enumerate(placed) if known != placed[0]), len(placed))
             names = [(lane.name,) if placed[0] else () for lane in lanes[k : k + alike]]

@@ -102,7 +102,7 @@ def c_code(program: Program, name: str = "run", *, real: Real = "double") -> str
 
     The inputs are `x0`, `x1`, ... and the outputs `y0`, `y1`, ..., each an array in C order.
 
-    - `program`: a program without logs.
+    - `program`: a program without logs or calls.
     - `name`: name of the function.
     - `real`: C type of f64.
     """

@@ -60,8 +60,8 @@ def pointer_to(elements: Sequence[str]) -> str | None:
 def format_lines(lines: list[CodeLine]) -> list[str]:
     """Return lines as indented text, with long lines broken and with comments.
 
-    Two or more lines with equal `about` get it as a comment above them. If a comment repeats an earlier one, only its
-    text before the colon is written.
+    Two or more successive lines with equal `about` get it as a comment above them. If a comment repeats an earlier one,
+    only its text before the colon is written.
     """
     texts: list[str] = []
     last = ""

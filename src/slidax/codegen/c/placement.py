@@ -238,6 +238,8 @@ def loop_invariant(program: Program, inputs: Collection[int]) -> list[Value]:
 
 
 class _LoopInvariant:
+    """Search for the values that depend only on some inputs; `guarded` is True inside a branch."""
+
     def __init__(self, program: Program, inputs: Collection[int]) -> None:
         self.program = program
         self.inputs = inputs

@@ -89,7 +89,11 @@ def reduce_conditions(lines: Sequence[CodeLine], new_name: NewName, index: str, 
 
 @dataclass
 class _Reduction:
-    """The reduction of one condition; `result` is the variable of the last loop's result."""
+    """The reduction of one condition.
+
+    - `loops`: True if loops may be added.
+    - `result`: variable with the result of the last loop that was added.
+    """
 
     new_name: NewName
     index: str

@@ -216,7 +216,10 @@ def order_groups(groups: list[Group]) -> list[Group]:
 
 
 def _next(ready: list[Group], order: list[Group]) -> Group:
-    """Choose the next group: a loop with as many iterations as the last loop, else the first group in the source."""
+    """Choose the next group: a loop with as many iterations as the last loop, else a single statement, else a loop.
+
+    If several qualify, the first in the source is chosen.
+    """
     if order and order[-1].target is not None:
         same = [group for group in ready if group.iterations == order[-1].iterations]
         if same:

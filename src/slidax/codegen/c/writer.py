@@ -309,7 +309,7 @@ class Writer:
                     if not self.is_inline(result):
                         self.declare_value(result, hints[k])
                 return
-        # A variable that is initialised with a known number needs no `else`.
+        # A variable that is initialised with the value of the `else` side needs no `else`.
         plain = not otherwise and not any(into.values()) and not any(self.texts[value].weight for value in no.values())
         for k, result in left.items():
             if into[k] is None:
@@ -422,7 +422,10 @@ class Writer:
         return name
 
     def _head(self, loop: Loop) -> tuple[list[CodeLine], str]:
-        """Return the lines at the start of an iteration, and the condition to stop; without lines, that to continue."""
+        """Return the lines at the start of an iteration, and the condition to stop after them.
+
+        Without lines, the condition is the one to continue; for a known number of iterations, it is empty.
+        """
         around, self.lines = self.lines, []
         self.level += 1
         self.region(loop.head)

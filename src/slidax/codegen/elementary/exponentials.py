@@ -116,7 +116,9 @@ def _split(x: Expression) -> tuple[Expression, Expression]:
 
 
 class _Artanh:
-    """`log(m) = 2 artanh(s) = 2/3 s (3 + z + z² W(z))`, s = (m - 1)/(m + 1), z = s².
+    """`ln m = 2 artanh(s) = 2/3 s (3 + z + z² W(z))`, s = (m - 1)/(m + 1), z = s².
+
+    W is the polynomial with the coefficients `_LOG_TAIL`.
 
     - `f`: m - 1.
     - `d`, `reciprocal`: m + 1 rounded, and 1/d.
@@ -150,7 +152,10 @@ def log1p(x: Expression) -> Expression:
 
 
 def _log(x: Expression, addend: Expression | None) -> Expression:
-    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`, plus a small addend."""
+    """`ln x = e ln 2 + f - (f²/2 - s (f²/2 + 2/3 (z + z² W)))`, plus a small addend.
+
+    e is the exponent of x, from `_split`; f, s, z and W belong to the mantissa, as in `_Artanh`.
+    """
     e, m = _split(x)
     e = select(x < 0.0, float("nan"), e)
     parts = _Artanh(m)
@@ -168,7 +173,7 @@ def log2_in_two_parts(x: Expression) -> tuple[Expression, Expression]:
     e, m = _split(x)
     parts = _Artanh(m)
     s, z, d = parts.s, parts.z, parts.d
-    # Rounding errors.
+    # Names that end in `_low` are rounding errors of the value with the name before it.
     s_low = fma(-s, m - (d - 1.0), fma(-s, d, parts.f)) * parts.reciprocal
     z_low = fma(s + s, s_low, fma(s, s, -z))
     series = z + parts.tail
@@ -201,7 +206,7 @@ _POWER_TAIL = (
 
 
 def power(x: Expression, y: Expression) -> Expression:
-    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd; NaN for x < 0 if y is not an integer."""
+    """`x^y = 2^(y log2 |x|)`, with the sign of x if y is odd; NaN for finite x < 0 if y is not an integer."""
     if _known_not_negative(x.value):
         return _of_magnitude(x, y)
     magnitude = _of_magnitude(abs(x), y)

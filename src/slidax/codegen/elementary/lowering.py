@@ -10,7 +10,7 @@ from .exponentials import cbrt, cosh, exp, expm1, log, log1p, power, sinh, tanh
 from .expression import Expression, branch_rarely, fma, polynomial, select
 from .trigonometry import acos, asin, atan, atan2, cos, sin, tan
 
-# erf(x)/x - 1 by z = x² <= 1, minimax; relative error 2^-56.
+# erf(x)/x - 1 as a polynomial in z = x² <= 1, minimax; relative error 2^-56.
 _NEAR = (
     0.12837916709551256,
     -0.37612638903183376,
@@ -25,7 +25,7 @@ _NEAR = (
     1.3678947418761685e-08,
     -7.72299092113954e-10,
 )
-# log(1 - erf(x)) for 1 <= x <= 6, minimax; error of erf 2^-54.
+# ln(1 - erf(x)) as a polynomial in x for 1 <= x <= 6, minimax; error of erf 2^-54.
 _FAR = (
     -1.063612703715242e-06,
     -1.1283687119628316,
@@ -45,7 +45,7 @@ _FAR = (
     -6.515034734487442e-10,
     1.7694925332636164e-11,
 )
-# erf_inv(x)/x by w = -log(1 - x²) <= 5, minimax; relative error 2^-54.
+# erf_inv(x)/x as a polynomial in w = -ln(1 - x²) <= 5, minimax; relative error 2^-54.
 _INVERSE_NEAR = (
     0.886226925452758,
     0.23201366653464803,
@@ -70,7 +70,7 @@ _INVERSE_NEAR = (
     -5.1693268548990535e-18,
     1.4720683294164654e-19,
 )
-# erf_inv(x)/(x sqrt(w)) by 36/(w + 8) - 1.8, 5 <= w < 37.
+# erf_inv(x)/(x sqrt(w)) as a polynomial in 36/(w + 8) - 1.8, 5 <= w < 37.
 _INVERSE_FAR = (
     0.952433701572083,
     -0.025320212135861296,
@@ -109,7 +109,10 @@ def erf(x: Expression) -> Expression:
 
 
 def erf_inv(x: Expression) -> Expression:
-    """The y with `erf y = x`, as x times a polynomial in `w = -log(1 - x²)` (M. Giles, 2010)."""
+    """The y with `erf y = x`: x times a polynomial in `w = -ln(1 - x²)` (M. Giles, 2010).
+
+    For w > 5, it is `x sqrt(w)` times a polynomial in `36/(w + 8)`.
+    """
     w = -log((1.0 - x) * (x + 1.0))
     near = polynomial(w, _INVERSE_NEAR)
 

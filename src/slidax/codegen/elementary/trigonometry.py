@@ -145,7 +145,7 @@ def _reduce(x: Expression) -> tuple[Expression, ...]:
 
 
 def _sine_and_cosine(x: Expression) -> tuple[Expression, Expression, Expression]:
-    """`sin r`, `cos r` and n."""
+    """Return sine and cosine of the reduced angle r - r', and n; r, r' and n are as in `_reduce`."""
     r, rest, n = _reduce(x)
     z = r * r
     # Written as a difference, so that the sine of -0 is -0.

@@ -101,7 +101,7 @@ def _differs(program: Program, value: Value, differing: set[Value]) -> bool:
 
 EXPENSIVE = frozenset({*ELEMENTARY, "load", "store", "loop", "branch", "div", "rem", "sqrt"})
 SELECT_LIMIT = 12
-"""Largest number of operations in a branch that is replaced by a selection between both sides; none is expensive."""
+"""Largest number of operations in a branch that is replaced by a selection; none of them is `EXPENSIVE`."""
 
 
 class Blocks(Lines):

@@ -69,7 +69,7 @@ def module(program: Program, lanes: int = 1, entry: str = "runs") -> str:
             "after:",
             "  ret void",
             "}",
-            # The CPU's widest vectors, although some CPUs reduce their clock rate for them.
+            # Use the CPU's widest vectors, although some CPUs reduce their clock rate for them.
             'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }',
             "!0 = !{}",
             "",
@@ -102,6 +102,8 @@ class Kernel:
     - `lanes`: number of runs that are computed in parallel.
     - `quick`: True for code that compiles in a fraction of the time, but runs 2 to 5 times slower, with equal results.
     - `known`: result of `identity` for the program, if it was computed before; saves time.
+
+    Raises DefinitionError as `compile` does.
     """
 
     def __init__(self, program: Program, lanes: int, *, quick: bool = False, known: str | None = None) -> None:
@@ -240,7 +242,8 @@ def compile(program: Program, lanes: int = 1) -> Kernel:
 
     - `lanes`: number of runs that are computed in parallel, a power of two. A run's results do not depend on it.
 
-    Raises DefinitionError if llvmlite is missing, or an operation of the program has no code.
+    Raises DefinitionError if llvmlite is missing, `lanes` is not a power of two, or an operation of the program has no
+    code.
     """
     return Kernel(program, lanes)
 
@@ -278,6 +281,8 @@ class ByDemand:
 
     def kernel(self, iterations: int) -> Kernel:
         """Return the code for the next run. It is optimised once the iterations of all calls add up to enough.
+
+        The first call also returns optimised code if the cache has it, or if quick code might overflow the stack.
 
         - `iterations`: number of the loop's iterations in the next run. Runs that are computed in parallel count once.
 

@@ -17,7 +17,7 @@ from typing import Any
 from slidax.core.errors import DefinitionError
 
 DIGEST = 32
-"""Length of the checksum at the beginning of a file [bytes]."""
+"""Length of the checksum at the beginning of a cache file [bytes]."""
 
 
 def folder() -> Path:
@@ -33,7 +33,10 @@ def path_of(key: str) -> Path:
 
 
 def load_code(key: str) -> bytes | None:
-    """Return the object code for a key from the cache on disk; None if it is missing or other users could change it."""
+    """Return the object code for a key from the cache on disk.
+
+    Returns None if it is missing or damaged, or if other users could change it.
+    """
     path = path_of(key)
     try:
         if not path.parent.is_dir() or not _is_private(path.parent):
@@ -78,7 +81,7 @@ def _checksum(key: str, body: bytes) -> bytes:
 
 
 def _is_private(folder: Path) -> bool:
-    """True if the folder can be used. First removes other users' access to the user's own folder."""
+    """True if the folder can be used; warns if not. First removes other users' access to the user's own folder."""
     status = os.lstat(folder)
     own = hasattr(os, "getuid") and stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
     if own and stat.S_IMODE(status.st_mode) != 0o700:
@@ -187,7 +190,7 @@ class Machine:
         return Code(self, object, entry)
 
     def compiled(self, text: str, level: int) -> bytes:
-        """Compile LLVM IR, and return the bytes of the object file. LLVM's passes on the IR are not needed."""
+        """Compile LLVM IR, without LLVM's optimisation passes on the IR; return the bytes of the object file."""
         return bytes(self._target(level).emit_object(self.llvm.parse_assembly(text)))
 
     def _target(self, level: int) -> Any:

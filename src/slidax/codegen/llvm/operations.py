@@ -26,7 +26,7 @@ STORED: dict[Type, str] = {**TYPES, "b1": "i8"}
 """Types in memory: a boolean fills a byte."""
 
 BYTES: dict[Type, int] = {type: np.dtype(dtype).itemsize for type, dtype in DTYPES.items()}
-"""Size of each type in memory."""
+"""Size of each type in memory [bytes]."""
 
 
 def type_name(type: Type, lanes: int) -> str:

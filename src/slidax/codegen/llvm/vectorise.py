@@ -1,4 +1,4 @@
-"""Vectorise a program, and prepare it for the CPU: lowered, fused, ordered."""
+"""Prepare a program for the CPU: expand elementary functions, fuse multiply-adds, vectorise, and order operations."""
 
 from __future__ import annotations
 
@@ -212,7 +212,8 @@ def prepare(program: Program, lanes: int = 1, *, quick: bool = False) -> Program
 
     - `lanes`: number of runs that are computed in parallel. With 1, similar operations of one run, such as those of all
       joints, become vector operations.
-    - `quick`: True for a quick preparation: elementary functions are called, not expanded; no vectors; order unchanged.
+    - `quick`: True for a quick preparation: the elementary functions in `CALLED` are called, not expanded; no vectors;
+      order unchanged.
     """
     if quick:
         return lower_and_fuse(program, FUNCTIONS - CALLED)

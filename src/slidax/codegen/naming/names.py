@@ -64,8 +64,9 @@ class Name(NamedTuple):
 class Names:
     """Names and comments for the values of a program in generated code.
 
-    A value is named after the variable to which the Python source assigns it, with the joint's number: `s_1`, `m_12`. A
-    value without a variable is named after an operand, or after the function that returned it.
+    A value is named after the variable to which the Python source assigns it, with its indices in the array, counted
+    from 1: `s_1`, `m_12`. A value without a variable is named after the function that returned it. Otherwise it gets
+    the name that the source uses for it as an operand.
 
     - `program`: its values have an `origin` (source location) with `frames`, `element` and `shape`, or None.
     - `chosen`: names of some values, which take precedence.

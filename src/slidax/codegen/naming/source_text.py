@@ -43,7 +43,7 @@ SHORT = {"epsilon": "eps", "lamda": "lambda"}
 
 
 def to_ascii(text: str) -> str:
-    """Transliterate a text to ASCII: τ is tau, ε̇ is deps, x² is x^2, ρ∞ is rho_inf."""
+    """Transliterate a text to ASCII: τ is tau, ε̇ is deps, x² is x^2, ρ∞ is rho_inf; unknown characters become `?`."""
     text = text.replace("⃛", "\u0308\u0307")
     text = re.sub(r"(?<=\w)∞", "_inf", text)
     text = re.sub(r"([⁻⁰¹²³⁴-⁹ˣᵃ-ᵿᵀⁿ]+)(\w?)", lambda match: f"^{match[1]} {match[2]}".rstrip(" "), text)
@@ -217,10 +217,10 @@ def _summary(node: ast.FunctionDef | ast.ClassDef) -> str:
 
 
 def about(frames: Sequence[Any]) -> str:
-    """Return a comment, `name: formula`, from the innermost function whose docstring has a formula in its first line.
+    """Return a comment, `name: first docstring line`, from the innermost function with a formula in this line.
 
-    The comment is empty if no function has such a docstring. A method's class may supply the line instead, if its first
-    docstring line has an equation or an equation number, and that of the method has not.
+    A formula is a text in backticks, or an equation number. The comment is empty if no function has one. For a method,
+    its class's line is used if it has more of these: text in backticks, an equals sign there, an equation number.
 
     - `frames`: source locations (function calls) that lead to a value, the innermost first.
     """

@@ -136,7 +136,7 @@ def _inside(b: Builder, starts: list[Value], sizes: tuple[int, ...], shape: tupl
 def _starts(
     b: Builder, indices: Values, where: tuple[int, ...], axes: Any, rank: int, batching: list[tuple[int, int]]
 ) -> list[Value]:
-    """Return the start of the window for one entry of the array of indices."""
+    """Return the first index of a window on each axis, from the entry `where` of the array of indices."""
     row = indices[where]
     zero = b.constant(0, row[0].type if row.size else "i32")
     starts = [zero] * rank
@@ -212,7 +212,7 @@ INDEXING_RULES: dict[str, Callable[[Builder, Any, list[Values]], Values]] = {
     ),
     "gather": _gather,
     "scatter": _scatter(None),
-    # Their names differ between versions of JAX.
+    # JAX writes `scatter-add` or `scatter_add`, depending on its version.
     **{f"scatter{sign}{op}": _scatter(op) for sign in "-_" for op in ("add", "mul", "min", "max")},
 }
 """Rule of each primitive, by its name."""
@@ -254,7 +254,10 @@ def _cumulative(op: str) -> Callable[[Builder, Any, list[Values]], Values]:
 
 
 def _arg_extremum(better: str) -> Callable[[Builder, Any, list[Values]], Values]:
-    """Return the rule for the index of the largest or smallest element; the first of equal ones, or the first NaN."""
+    """Return the rule for the index of the largest or smallest element; the first of equal ones, or the first NaN.
+
+    - `better`: "gt" for the largest element, "lt" for the smallest.
+    """
 
     def rule(b: Builder, equation: Any, arrays: list[Values]) -> Values:
         (axis,) = equation.params["axes"]

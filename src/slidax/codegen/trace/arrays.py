@@ -94,7 +94,10 @@ def select_element(builder: Builder, values: list[Value], index: Value) -> Value
 
 
 LONG = 16
-"""Larger arrays that are indexed at run time are read from memory if they are inputs, else by a chain of selections."""
+"""Largest length of an array whose elements are chosen at run time by a chain of selections, even if they are inputs.
+
+A longer array is read from memory if it consists of evenly spaced elements of one input.
+"""
 
 
 def _compute_element(builder: Builder, values: list[Value], index: Value) -> Value | None:

@@ -41,8 +41,8 @@ def while_loop(b: Builder, equation: Any, arrays: list[Values], inline: Inline) 
 def scan(b: Builder, equation: Any, arrays: list[Values], inline: Inline) -> list[Values]:
     """Rule of `lax.scan`, and of `lax.fori_loop` over a known range: append a loop, or each iteration one by one.
 
-    Iterations are appended one by one if a loop would stack more than `FEW` elements. Returns the carried values after
-    the last iteration, and the stacked results.
+    Iterations are appended one by one if there is at most one, or if a loop would stack more than `FEW` elements.
+    Returns the carried values after the last iteration, and the stacked results.
     """
     params = equation.params
     length, reverse = params["length"], params["reverse"]

@@ -139,7 +139,7 @@ def _total_order_comparison(op: str) -> Rule:
 
 
 def _one_minus_square(b: Builder, x: Value) -> Value:
-    """`(1 + x)(1 - x)`, the derivative of `tanh` from its value: exact near x = ±1."""
+    """`(1 + x)(1 - x)`, the derivative of tanh where tanh has the value x; accurate near x = ±1."""
     unit = b.constant(1.0, x.type)
     return b.apply("mul", b.apply("add", unit, x), b.apply("sub", unit, x))
 

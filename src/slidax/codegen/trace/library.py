@@ -19,7 +19,7 @@ WORTH = 60
 """Least number of operations of a function that is not inlined."""
 
 EACH = 2.5
-"""Least number of operations per result of a function that is not inlined."""
+"""Least number of operations per element of the results of a function that is not inlined."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +143,8 @@ def _in_order(values: Sequence[Value]) -> bool:
 def keep_array(builder: Builder, array: Values) -> Values:
     """Record that IR values form one array in the Python source, and return this array.
 
-    Elements that exist already, such as inputs, are replaced by copies in the array. An array with only such elements,
-    or with fewer than `ROW` elements, is returned unchanged and not recorded.
+    Elements that need no computation, such as inputs, are replaced by copies in the array; constants are not. An array
+    with only such elements, or with fewer than `ROW` elements, is returned unchanged and not recorded.
     """
     if array.size < ROW or all(value.op in PLACED for value in array.flat):
         return array

@@ -64,7 +64,7 @@ class Origin:
     - `equation`: the equation of the jaxpr that computes it.
     - `element`: index of the value in the equation's result, in C order; None for an intermediate value.
     - `shape`: shape of that result.
-    - `within`: name of the function in which the location must be; None for any function.
+    - `within`: name of the function whose callers `frames` excludes; None to include all callers.
     - `visit`: a key, the same object for all values of one operation on arrays.
     """
 
@@ -116,7 +116,7 @@ def _is_user_code(file: str) -> bool:
 
 
 def _is_own(file: str) -> bool:
-    """True if a file is not of slidax, NumPy or the standard library."""
+    """True for the user's code: all files except those of slidax, NumPy and the standard library."""
     standard = file.startswith(STANDARD) and not file.startswith(INSTALLED)
     return not (standard or file.startswith(OURS))
 
@@ -147,6 +147,8 @@ PLAIN: dict[str, Callable[[Builder, Any, list[Values]], Values | list[Values]]] 
     "random_wrap": random.key_words,
     "random_unwrap": random.key_words,
 }
+"""Rule of each primitive that contains no jaxpr."""
+
 WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], Inline], list[Values]]] = {
     "while": control_flow.while_loop,
     "scan": control_flow.scan,
@@ -159,6 +161,8 @@ WITH_JAXPRS: dict[str, Callable[[Builder, Any, list[Values], Inline], list[Value
     "random_bits": random.inline_generator("random_bits"),
     "random_split": random.inline_generator("split"),
 }
+"""Rule of each primitive that contains or expands into another jaxpr."""
+
 REMEDIES = {
     "sort": "write it with `jnp.max`, `jnp.min` or `jnp.argmax`",
     "top_k": "write it with `jnp.max` or `jnp.argmax`",
@@ -172,6 +176,7 @@ REMEDIES = {
     "io_callback": "write it in `jax.numpy`",
     "debug_callback": "remove the print",
 }
+"""Remedies for primitives without a rule."""
 
 
 UNTRACEABLE: dict[type[Exception], tuple[str, str]] = {
@@ -396,7 +401,7 @@ def trace(
     - `library`: collects long functions under `jax.jit` as separate programs; None inlines all of them.
 
     Raises NoNativeCodeError if a primitive has no rule or its rule fails, and DefinitionError if the function depends
-    on the values of its arrays in Python.
+    on the values of its arrays in Python or the user's code raises an error.
     """
     builder = Builder()
     shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), jax.dtypes.canonicalize_dtype(_dtype(x))), args)

@@ -8,7 +8,7 @@ from slidax.core.errors import DefinitionError
 
 
 def decode_leb128(data: bytes, at: int) -> tuple[int, int]:
-    """Decode the unsigned LEB128 integer at an offset of `data`; return it, and the offset after it."""
+    """Decode the unsigned LEB128 integer at the offset `at` of `data`; return the integer and the offset after it."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -38,7 +38,7 @@ BLOCK, ONE, TWO, NUMBERS = (
     0x11,
     {0x43: 4, 0x44: 8},
 )
-"""Opcodes with a block type, with one index or integer, or with two; constants, with their size [bytes]."""
+"""Opcodes followed by a block type, by one index or integer, or by two; float constants, with their size [bytes]."""
 
 
 def find_multiply_adds(body: bytes) -> list[int]:

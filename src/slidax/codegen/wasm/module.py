@@ -41,7 +41,7 @@ class Body(Blocks):
             super()._value(value)
             return
         for k, arg in enumerate(value.args):
-            # The number fills both lanes: a splat costs less than a vector with a zero.
+            # The number fills both lanes, which costs less than a zero in the second lane.
             self.write(f"{name}h{k} = insertelement {PAIR} poison, double {self._word(arg, 1)}, i32 0")
             self.write(f"{name}w{k} = shufflevector {PAIR} {name}h{k}, {PAIR} poison, <2 x i32> zeroinitializer")
             pairs.append(f"{PAIR} {name}w{k}")
@@ -114,9 +114,10 @@ INLINE = frozenset({"erf", "erf_inv"})
 def substitute_inputs(program: Program, known: Mapping[int, np.ndarray]) -> Program:
     """Return a copy of a program with multiply-adds as in native code, and some inputs replaced by constants.
 
-    Products and sums are fused before the replacement, so that results equal those of native code. Products with a
-    constant zero, of which an arm's frames have many, are then dropped: results differ if the other factor is not
-    finite.
+    Products and sums are fused before the replacement, so that results equal those of native code. Values with an
+    `origin` are not fused: in the program of a closed loop, these are computed before the first sample, for which a
+    native run uses JAX. Products with a constant zero, of which an arm's frames have many, are then dropped: results
+    differ if the other factor is not finite.
 
     - `known`: numbers of the replaced inputs, by the input's position among the program's inputs.
     """
@@ -306,7 +307,7 @@ def _machine() -> Any:
 
 
 def _compiler() -> tuple[str, Any]:
-    """The compiler's version, and a function from LLVM IR to an object file."""
+    """Return the compiler's version, and a function from LLVM IR to the bytes of an object file."""
     machine = _machine()
     import llvmlite
     import llvmlite.binding as llvm

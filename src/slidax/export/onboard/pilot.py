@@ -419,7 +419,7 @@ def robot_parser(description: str | None, folder: Path) -> argparse.ArgumentPars
     parser.add_argument("address", help="network address of the robot")
     parser.add_argument("--law", type=Path, default=folder / "law", help="folder of the exported law")
     load = ("KG", "X", "Y", "Z")
-    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="payload for the robot: mass and centre, m")
+    parser.add_argument("--load", type=float, nargs=4, metavar=load, help="payload: mass, kg, and its centre, m")
     parser.add_argument("--no-realtime", action="store_true", help="continue without real-time priority")
     add_path_options(parser)
     return parser

@@ -13,9 +13,12 @@ from .pilot import FINISH, GO, STOP, CompiledLaw, MotionLog, Pilot, add_path_opt
 
 
 class RehearsalArm:
-    """Simulation of the scenario's arm with its sensor's delay; without gravity if the robot compensates gravity.
+    """Simulation of the scenario's arm; without gravity if the robot compensates gravity.
 
-    - `q`: initial positions [n], rad or m; by default the scenario's.
+    The delays of sensor and drives together delay the measurements, in whole periods.
+
+    - `law`: the exported law, whose C code contains the arm.
+    - `q`: initial positions [n], rad or m, at rest; by default the scenario's initial state.
     """
 
     def __init__(self, law: CompiledLaw, q: Sequence[float] | None = None) -> None:
@@ -35,7 +38,7 @@ class RehearsalArm:
         self.move_by.argtypes = [ctypes.c_void_p, law.real, law.vector]
 
     def measured(self) -> tuple[list[float], list[float]]:
-        """Return the measurement that arrives now, taken one sensor delay ago: positions and velocities [n]."""
+        """Return the delayed measurement that arrives now: positions and velocities [n]."""
         late = self.then[-1]
         return list(late.q), list(late.dq)
 
@@ -47,7 +50,7 @@ class RehearsalArm:
 def rehearse(pilot: Pilot, arm: RehearsalArm, log: MotionLog | None = None, most: float = 600.0) -> int:
     """Run the motion in simulation to its end, for at most `most` seconds; return the last action.
 
-    It is FINISH, or STOP if the pilot stopped the motion, or GO if the time was over first.
+    This action is FINISH, STOP if the pilot stopped the motion, or GO if the motion lasts longer than `most`.
 
     - `pilot`: the law with its reference path and checks; this function calls its `begin`.
     - `log`: log to which each period is added.
@@ -95,7 +98,7 @@ def read(path: str | Path) -> list[dict[str, float]]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; return the exit code: 0 if the motion came to its end, 3 if the pilot stopped it."""
+    """Run the program; return the exit code: 0 if the motion came to its end, else 3."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--law", type=Path, default=Path(__file__).parent / "law", help="folder of the exported law")
     parser.add_argument("--start", type=float, nargs="+", metavar="RAD", help="initial joint positions of the arm")

@@ -33,10 +33,10 @@ class Control(Protocol):
         """Send the joint torques [N m] and the shares of friction to compensate; return False if the robot refuses."""
 
     def initPeriod(self) -> datetime.timedelta:
-        """Start of a period."""
+        """Begin a period; return its start, for `waitPeriod`."""
 
     def waitPeriod(self, arg0: datetime.timedelta) -> None:
-        """Wait for the next period."""
+        """Wait for the end of the period that began at `arg0`."""
 
     def kickWatchdog(self) -> bool:
         """Report that the loop is alive."""
@@ -45,7 +45,7 @@ class Control(Protocol):
         """Set the least rate at which `kickWatchdog` must be called [Hz]."""
 
     def setPayload(self, arg0: float, arg1: list[float]) -> bool:
-        """Set mass and centre of the payload."""
+        """Set mass [kg] and centre of mass [m] of the payload."""
 
     def stopScript(self) -> None:
         """End control: the robot holds its posture by itself."""
@@ -145,8 +145,12 @@ def run_ur(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; return an exit code from `STATUS`."""
     parser = robot_parser(__doc__, Path(__file__).parent)
-    parser.add_argument("--viscous", type=float, nargs=6, default=VISCOUS, help="share that the robot compensates")
-    parser.add_argument("--coulomb", type=float, nargs=6, default=COULOMB, help="share that the robot compensates")
+    parser.add_argument(
+        "--viscous", type=float, nargs=6, default=VISCOUS, help="shares of viscous friction that the robot compensates"
+    )
+    parser.add_argument(
+        "--coulomb", type=float, nargs=6, default=COULOMB, help="shares of Coulomb friction that the robot compensates"
+    )
     options = parser.parse_args(arguments)
     try:
         import rtde_control

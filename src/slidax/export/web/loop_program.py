@@ -34,7 +34,7 @@ TITLES = {
     "lower": ("lower bound of the error", "position"),
     "upper": ("upper bound of the error", "position"),
     "tau": ("torque", "torque"),
-    "margin": ("distance to the nearer bound, of the width", ""),
+    "margin": ("distance to the nearer bound, as a share of the envelope's width", ""),
     "assumption_violated": ("1 where the law's monitor reports its guarantee void", ""),
 }
 """Title of each signal on the page, and the quantity whose unit the signal has."""

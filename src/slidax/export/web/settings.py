@@ -305,13 +305,13 @@ PRINTED = "printed"
 """Name among the schemes to compare that stands for the law as printed in the paper."""
 
 LAYER = 0.05
-"""Boundary layer of the printed law; without one the law chatters at a robot's sampling rate."""
+"""Boundary layer of the printed law [rad/s]; without one the law chatters at a robot's sampling rate."""
 
 OURS = "Sampled-data form, with its own envelope"
 
 WITH = "With the same estimator, adaptation, prediction and limits"
 
-JUDGED = "; it has no envelope, and is judged by that of our law"
+JUDGED = "; it has no envelope, and is judged by the envelope of our law"
 
 
 def title_of(scheme: str) -> str:

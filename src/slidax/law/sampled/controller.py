@@ -72,7 +72,7 @@ class SampledData(AbstractController):
     """
 
     step: AbstractStep = piece("the law as a discrete-time step")
-    estimator: AbstractEstimator = piece("computes q, q̇ and w from the measurements")
+    estimator: AbstractEstimator = piece("computes q, q̇ and the disturbance ŵ from the measurements")
     limits: TorqueLimits = piece("torque and torque rate that the actuators keep")
     period: Scalar = parameter("h, time between two samples", "s", "> 0")
     horizon: Scalar | None = parameter(

@@ -38,7 +38,7 @@ LONGEST_GAP = 100.0
 """Periods: after a longer gap the law starts anew, once a second sample has confirmed the clock."""
 
 FROZEN = 2.0
-"""Largest number of identical samples in a row that is accepted while the arm moves: a sensor may be slower than the
+"""Largest number of repetitions of a sample that are accepted while the arm moves: a sensor may be slower than the
 loop."""
 
 CLOCK = 2.0
@@ -93,10 +93,10 @@ class MeasurementGate(AbstractPart):
     exactly, while the law predicts that a joint has moved by more than `2 spread + acceleration T h`. A smaller
     predicted motion may be wrong, for a joint that rests against friction or a disturbance.
 
-    A sensor or a clock can jump permanently. After more than `patience` rejected samples in a row that are consistent
-    with each other, the law accepts them and restarts. If only the time stamp is implausible, two samples suffice. The
-    restart takes the measured state and keeps the disturbance estimate, the learnt parameters and the sides of the
-    envelope. A sample outside `q_max` is never accepted.
+    A sensor or a clock can jump permanently. After `patience` rejected samples in a row that are consistent with each
+    other, the law accepts the next consistent one and restarts. If only the time stamp is implausible, it accepts the
+    second sample. The restart takes the measured state and keeps the disturbance estimate, the learnt parameters and
+    the sides of the envelope. A sample outside `q_max` is never accepted.
     """
 
     q_max: PerJoint = parameter("largest magnitude of a measured position", "rad or m", "> 0", default=1e4)
@@ -104,7 +104,10 @@ class MeasurementGate(AbstractPart):
     acceleration: PerJoint = parameter("largest acceleration of a joint", "rad/s² or m/s²", ">= 0", default=1e4)
     spread: PerJoint = parameter("largest error of a measured position", "rad or m", ">= 0", default=0.0)
     patience: Scalar = parameter(
-        "rejected samples in a row after which the host is asked to stop", "samples", "[2, 1e6]", default=5.0
+        "rejected samples in a row after which the next consistent one is accepted; exported C requests a stop, too",
+        "samples",
+        "[2, 1e6]",
+        default=5.0,
     )
 
     @classmethod

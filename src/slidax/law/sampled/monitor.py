@@ -72,10 +72,10 @@ class Monitor(AbstractPart):
     the past y, so that e cannot leave before y does.
 
     Signals: `margin`, the least of `1 - x/(share b ρ)`, `1 - y/(led b ρ)` and `1 - |ŵ|/disturbance` of all joints, with
-    b of the side towards which x and y point and the estimated disturbance ŵ; negative if the guarantee does not hold;
-    `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the range of the guarantee,
-    `4`: y is too near to its envelope, `8`: the estimated disturbance is larger than `disturbance`. For a law without a
-    plan only the last check is made.
+    the envelope's side b ρ towards which x and y point and the estimated disturbance ŵ; negative if one of the three is
+    beyond its bound; `assumption_violated`, a sum of `1`: x is too large, `2`: a learnt inertia is outside the range of
+    the guarantee, `4`: y is too near to its envelope, `8`: the estimated disturbance is larger than `disturbance`. For
+    a law without a plan only the last check is made.
     """
 
     title = "Guarantee monitor: each sample is compared with the assumptions of the guarantee."

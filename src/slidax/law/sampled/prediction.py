@@ -49,7 +49,7 @@ def left_unexplained(
     """Return the disturbance torque for a changed arm model, [n], N m or N, without friction.
 
     It is `M_old ŵ + (M_new - M_old) q̈_d + b_new - b_old`, with the inertia matrix M and the bias b = C q̇ + G of both
-    models. With this disturbance the change of the model does not change the law's torque.
+    models. With this disturbance the change of the model does not change the law's torque for the acceleration q̈_d.
 
     - `before`, `after`: the arm model before and after the change.
     - `changed`: False if only the rotors differ, so that the model of the links is evaluated once.

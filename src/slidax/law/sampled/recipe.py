@@ -110,8 +110,9 @@ def sampled_data(
     - `delay`: time from a measurement until its torque acts, in periods.
     - `delay_at_most`: largest delay that can be set while the law runs, in periods; None: `delay` is fixed.
     - `dead_time`: part of `delay` after the command, in periods.
-    - `slopes`: the size u of the robust torque grows with the other torque τ0 + τ1, the paper's eq. (45). True includes
-      in it the acceleration that keeps s constant, as printed. False leaves it out: u is smaller.
+    - `slopes`: the size u of the robust torque grows with the law's other torque τ0 + τ1 (eq. (45) of the paper, see
+      `SlidingMode`). True includes in τ0 + τ1 the torque that keeps the sliding variable s constant, as the paper does.
+      False leaves this torque out, so that u is smaller.
     - `calm`: settings of calm steps, which change the torque least while the error is well inside its envelope; None
       for none.
     - `adaptation`: adaptation law, such as `JointLearning.of_arm(...)`; None for none.

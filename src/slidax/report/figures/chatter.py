@@ -16,8 +16,8 @@ from .compared import SPAN, Trace, clip_outside, columns_for, legend_rows, linea
 from .style import ROW, WIDTH, column_starts, draw_limit, joint_label, limit_handle, styled, thin_curve, use_time_axis
 
 SWINGS = 15
-"""A swing is the distance of a turning point from the mean of its neighbours. It is compared with this many swings
-before it, and as many after it.
+"""A swing is half the distance of a turning point from the mean of its two neighbours: the amplitude of an oscillation.
+It is compared with this many swings before it, and as many after it.
 """
 
 SAMPLES = 8.0
@@ -27,10 +27,10 @@ LONGEST = 40
 """A band ends after this many samples without a turning point."""
 
 SEEN = 0.006
-"""A swing whose amplitude is below this share of the axis is hidden by the line's own width."""
+"""A swing below this share of the axis is hidden by the line's own width."""
 
 OUTLIER = 3.0
-"""A swing this many times larger than usual is a step, not chattering."""
+"""A swing this many times larger than the upper quartile of the swings around it is a step, not chattering."""
 
 
 class ChatterInterval(NamedTuple):

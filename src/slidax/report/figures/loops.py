@@ -149,7 +149,7 @@ def bounded_error(
 
 BINS = 120
 LEAST = 0.2
-"""Start of the axis; shorter times are counted here [µs]."""
+"""Start of the axis [µs]; a shorter time counts as this one."""
 
 
 @styled

@@ -200,6 +200,7 @@ def draw_limit(panels: Iterable[Axes], limit: float, unit: str) -> None:
 
     - `panels`: panels of one joint, with the torques drawn.
     - `limit`: largest torque [N m or N]; nothing is drawn if it is infinite.
+    - `unit`: unit of the limit, for the text.
     """
     if not np.isfinite(limit):
         return
@@ -408,7 +409,7 @@ def to_svg(figure: Figure, name: str) -> str:
 
     Its colours follow the reader's system, light or dark.
 
-    - `name`: prefix of its ids, so that several figures fit into one page.
+    - `name`: prefix of the SVG's ids, so that several figures fit into one page.
     """
     buffer = io.StringIO()
     with rc_context(STYLE | {"svg.hashsalt": name}):

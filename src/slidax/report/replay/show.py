@@ -27,6 +27,7 @@ RATE = 240.0
 """Frames per second of simulated time: consecutive pictures differ even at a quarter of the speed."""
 
 LIVE_FRAMES = 20_000
+"""Largest number of frames of a replay in the browser."""
 
 SPEEDS = {f"{speed:g}x": speed for speed in (0.1, 0.25, 0.5, 1.0, 2.0)}
 

@@ -187,7 +187,7 @@ def _unpacked(chunk: Any) -> bytes:
     elif chunk.compression == "zstd":
         import zstandard
 
-        # Larger frames would need larger windows.
+        # A frame that needs a larger window, thus more memory, raises an error.
         unpacker = zstandard.ZstdDecompressor(max_window_size=1 << 27)
         with unpacker.stream_reader(chunk.data, read_across_frames=True) as stream:
             content = stream.read(most + 1)

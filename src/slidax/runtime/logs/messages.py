@@ -1,4 +1,4 @@
-"""ROS 2 messages of a log, the channels that carry them, and their CDR encoding."""
+"""ROS 2 messages of a log, the channels that carry them, and their encoding in CDR, ROS 2's binary format."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def joint_state(topic: str, names: Sequence[str], columns: Sequence[str]) -> Mes
 
 
 REFERENCE = ("q_d", "dq_d", "ddq_d", "q_d_next", "dq_d_next", "ddq_d_next")
-"""Columns of the reference, now and a period later."""
+"""Columns of the reference position, velocity and acceleration, at a tick and one period later."""
 
 _READABLE = {
     "q_d": "position",
@@ -162,7 +162,7 @@ _READABLE = {
     "ddq_d_next": "next_acceleration",
 }
 ENVELOPE_SIGNALS = ("s", "eps", "eps1", "rho", "u", "margin", "assumption_violated")
-"""Signals shown together with the error and its bounds."""
+"""Names of the law's signals on the topic `/envelope`; a signal `margin` is on `/signals`, to avoid equal names."""
 
 TIMES = ("wake", "took", "response", "logged")
 """Times of a real-time loop [s]: delay of the law's wake-up, duration of a step, time from measurement to command, and

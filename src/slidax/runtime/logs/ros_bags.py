@@ -138,7 +138,7 @@ def decoder() -> Any:
 
     It uses slidax's own definition of the type, since the definition in a file may be wrong.
 
-    Raises DefinitionError if its package is missing.
+    Raises DefinitionError if mcap-ros2-support is not installed.
     """
     package = require_package("mcap_ros2.decoder", "mcap-ros2-support", "reading ROS 2 messages")
     message = joint_state(TOPIC, ("a",), ("q", "dq", "effort"))
@@ -150,7 +150,7 @@ METADATA = "metadata.yaml"
 ENDINGS = (".mcap", ".db3")
 MOST_BYTES = 8000 * MEGABYTE
 MOST_UNPACKED, RATIO = 4000 * MEGABYTE, 30
-"""Largest unpacked size of a file [bytes], and largest ratio of unpacked to packed size."""
+"""Limits of a file's unpacked size [bytes]: `MOST_UNPACKED`, and 64 MB plus `RATIO` times its packed size."""
 
 LONGEST_MESSAGE = MEGABYTE
 """Largest size of a joint-state message [bytes]."""
@@ -164,7 +164,8 @@ def read_bag(path: str | Path, topic: str | None = None, joints: Sequence[str] =
 
     - `topic`, `joints`: as in `read_joint_states`.
 
-    Raises DefinitionError if the bag cannot be read, has no such messages, or a package is missing.
+    Raises DefinitionError if the bag cannot be read, has no such messages or several topics with them, or a package is
+    missing.
     """
     decode = decoder()
     path = Path(path)

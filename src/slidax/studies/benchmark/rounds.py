@@ -46,7 +46,7 @@ class TaskResult:
     - `failed`: True if the held-out case was lost: it ended early, or its steady error exceeds the tolerance band's
       initial radius [cases].
     - `metrics`: the metrics in `KEPT`, by name [cases].
-    - `seconds`: wall-clock time for tuning and scoring.
+    - `seconds`: wall-clock time for tuning and scoring [s].
     """
 
     gains: dict[str, Any]
@@ -214,7 +214,7 @@ class BenchmarkRound:
     def run(
         self, out: str | Path | None, processes: int | None = None, on_result: OnResult = lambda *_: None
     ) -> RoundResults:
-        """Tune and score every entry on every task, and return all results; those that the folder has are read.
+        """Tune and score every entry on every task, and return all results; stored results are read from the folder.
 
         - `out`: folder for the results; None stores nothing.
         - `processes`: number of parallel processes; None for one per core; 0 for this process.

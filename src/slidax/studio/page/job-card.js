@@ -56,7 +56,16 @@
     return element("div", {}, rows(others), element("ul.studio-lights", {}, certificates.map(certificate => element("li", {},
       element("span.chip", { text: (word[String(certificate.holds)] ?? "") + (certificate.since ? ` from ${Number(certificate.since.toPrecision(3))} s on` : ""), "data-holds": String(certificate.holds) }),
       element("strong", { text: certificate.grade ? `${certificate.name}, grade ${certificate.grade}` : certificate.name }), ` ${certificate.statement ?? ""}`,
-      certificate.holds === false && certificate.remedy ? element("em", { text: ` ${certificate.remedy}` }) : null))));
+      certificate.holds === false ? remedies(certificate.remedy ?? []) : null))));
+  }
+
+  /* Proposed changes, each with the settings that make it, as the command line takes them. */
+  function remedies(all) {
+    return all.map(({ words, set }) => {
+      const settings = Object.entries(set).map(([path, value]) => `${path}=${JSON.stringify(value)}`);
+      return element("p", {}, element("em", { text: words }), settings.length ? " " : null,
+        settings.length ? element("code", { text: settings.join(" ") }) : null);
+    });
   }
 
   /* Single values in a table; lists and mappings as collapsed JSON. */

@@ -2,7 +2,7 @@
 
      #v=1&arm=panda&scheme=cftsmppc&scheme.surface.k1=0.7&simulation.period=0.002&b:scheme=pd
 
-   All other values have their defaults. The prefix "b:" marks the values of B, the run to compare. */
+   All other values have their defaults. The prefix "b:" marks the values of run B, with which run A is compared. */
 
 import { exactNumber } from "./numbers.js";
 import { fits } from "./playground.js";

@@ -1,4 +1,4 @@
-/* Axes: map numbers to places in a chart, 0 to 1. */
+/* Axes: they map numbers to places in a chart, from 0 to 1. */
 
 import { ticksBetween } from "./numbers.js";
 

@@ -12,7 +12,7 @@ export function curve(result, signal, joint = 0) {
   return { t: result.t, y, offset: stride === 1 ? 0 : joint, stride, rows: result.t.length };
 }
 
-/* Curves of the lower and upper bound of a joint's error; null for a run without an envelope. */
+/* Curves of the lower and upper bound of a joint's error; null for a run without an envelope or tolerance band. */
 export function boundsOf(result, joint) {
   const [low, high] = [curve(result, "lower", joint), curve(result, "upper", joint)];
   if (low && high) return { low, high };

@@ -66,7 +66,7 @@ class Page {
       const made = await projectInC(this.playground, this.session.a);
       save(`${this.fileName}-c.zip`, made.archive);
       this.taken(made.left.length
-        ? `Not in this C, which has their defaults: ${made.left.join(", ")}. Its READ-ME says how the law is made with them.`
+        ? `This C code has the defaults of: ${made.left.join(", ")}. READ-ME.txt says how to export the law with your values.`
         : `${this.fileName}-c.zip has the law with these numbers, and the scenario.`);
     });
     for (const button of document.querySelectorAll("[data-csv]")) {

@@ -55,7 +55,7 @@ export function showMeasures(place, results, titles, joints, units) {
   }
   const name = ([, title, unit]) => (unit ? `${title} [${unitText(unit, units)}]` : title);
   const rows = list.map(measure => [name(measure), ...results.map(result => shownNumber(worst(result.metrics?.[measure[0]], measure[3]), 3))]);
-  const wide = tableOf("The worst joint of each; “–” is never or not known", ["measure", ...titles], rows);
+  const wide = tableOf("Value of the worst joint; “–” means never, or not known", ["measure", ...titles], rows);
   const open = place.querySelector("details")?.open ?? false;
   const each = element("details", { open }, element("summary", { text: "Each joint" }), results.map((result, k) => tableOf(
     titles[k], ["measure", ...joints],

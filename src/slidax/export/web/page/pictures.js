@@ -177,7 +177,7 @@ export class Pictures {
   }
 
   key(titles) {
-    const entries = [["--a", "", titles[0]], ...(titles[1] ? [["--b", "dashed", titles[1]]] : []), ["--soft", "dotted", "the way the tip should go"]];
+    const entries = [["--a", "", titles[0]], ...(titles[1] ? [["--b", "dashed", titles[1]]] : []), ["--soft", "dotted", "reference path of the tip"]];
     byId("scene-key").replaceChildren(...entries.map(([colour, dash, text]) => element("span", {},
       element("i", { class: dash, style: `color: var(${colour})` }), text)));
   }

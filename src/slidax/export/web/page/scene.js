@@ -37,7 +37,8 @@ export class Scene {
     this.runs = [];
   }
 
-  /* - `runs`: [{q, wanted, rows}], first A, then B if there is one; the reference `wanted` may be missing. */
+  /* - `runs`: [{q, wanted, rows}], first A, then B if there is one: joint positions, those of the reference (may be null),
+       and the number of samples. */
   runsAre(runs) {
     this.runs = runs.map(run => ({
       ...run,
@@ -47,7 +48,7 @@ export class Scene {
     this.findRoom();
   }
 
-  /* Determines the space that all poses need, and the height of the ground. */
+  /* Determines the space that the arm needs in all poses of the runs, and the height of the ground. */
   findRoom() {
     const low = [Infinity, Infinity, Infinity];
     const high = [-Infinity, -Infinity, -Infinity];

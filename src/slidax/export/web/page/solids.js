@@ -2,7 +2,8 @@
 
 const AROUND = 28;
 
-/* A surface of revolution. - `outline`: [radius, height, outward radius part, outward height part], from below. */
+/* A surface of revolution.
+   - `outline`: points from below to above, each [radius, height, and the same two parts of the outward normal]. */
 function revolved(outline) {
   const points = [], normals = [], triangles = [];
   outline.forEach(([r, z, nr, nz]) => {
