@@ -155,3 +155,12 @@ def test_commands_are_read_after_the_prompt_of_a_terminal_block():
     assert [item.arguments for item in result] == [["run", "x", "--out", "y"], ["ls"]]
     assert result[0].shown == ["said"]
     assert [item.is_ours for item in commands("sh", "slidax list && ls\nslidax list\n# no\n")] == [False, True]
+
+
+PATH_OF_MODULE = re.compile(r"`((?:[\w-]+/)+\w+\.py)(?:::\w+)?`")
+
+
+@EVERY
+def test_module_paths_in_the_text_of_a_page_exist(page):
+    for path in PATH_OF_MODULE.findall(page.read_text(encoding="utf-8")):
+        assert any((ROOT / top / path).is_file() for top in ("", "src", "src/slidax")), path

@@ -136,6 +136,17 @@ def test_a_stream_that_starts_out_of_range_is_refused():
         Streamed.through([0.0, 1.0], [[2.0], [0.0]], fitting(upper=1.0))
 
 
+@pytest.mark.parametrize("times", [[0.0, 1.0, 0.5], [0.0, 0.5, 0.5], [-0.1, 0.0, 0.5], [0.0, 0.5, np.nan]])
+def test_times_of_a_stream_must_be_increasing_and_finite_from_0_on(times):
+    with pytest.raises(DefinitionError, match="times of a stream must be increasing, finite, and 0 or more"):
+        Streamed.through(times, [[0.0], [0.1], [0.2]], fitting())
+
+
+def test_a_recorded_stream_with_a_position_that_is_not_finite_is_refused_with_its_row():
+    with pytest.raises(DefinitionError, match="must be finite; row 2 is not, for joint 1"):
+        Streamed.through([0.0, 0.5, 1.0], [[0.0], [np.nan], [0.2]], fitting())
+
+
 STREAM = "time,shoulder,elbow\n0,-0.4,2.5\n0.5,-0.2,2.4\n1,0.0,2.2\n1.5,0.0,2.2\n"
 
 

@@ -80,14 +80,17 @@ class EncoderCause(AbstractCause):
 
 
 def torque_step_noise(record: RunRecord) -> np.ndarray:
-    """Three standard deviations of the torque steps due to encoder rounding, relative to the rate limit [n]."""
+    """Three standard deviations of the torque steps due to encoder rounding, relative to the rate limit [n].
+
+    They are 0 for a joint whose nominal loop is unstable: its noise has no bound, and `EstimatorCause` finds it.
+    """
     mass = np.einsum("kii->ki", record.mass_and_bias[0]).mean(axis=0)
     steps, noise = encoder_resolution(record.q), np.zeros(record.joints)
     for joint, loop in enumerate(record.loops):
         if loop is not None and steps[joint] > 0 and np.isfinite(record.rate_limits[joint]):
             step = loop.noise(steps[joint] ** 2 / 12.0)[1] * mass[joint]
             noise[joint] = 3.0 * step / (record.rate_limits[joint] * record.period)
-    return noise
+    return np.where(np.isfinite(noise), noise, 0.0)
 
 
 def _encoder_remedies(record: RunRecord, step: float) -> list[Remedy]:

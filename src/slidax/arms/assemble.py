@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from slidax.core.errors import DefinitionError, as_array, nearest_word
+from slidax.core.joint_names import joint_label
 
 from .arm import JointLimits, Payload
 from .articulated import Articulated
@@ -40,8 +41,8 @@ def require_regular_inertia(arm: Articulated) -> None:
             joint = int(np.argmin(scale))
     if least < LEAST:
         raise DefinitionError(
-            f"the inertia matrix of {arm.name} is singular: joint `{arm.joint_names[joint]}` can move without moving "
-            "any mass, by itself or against others; give the links between them mass, or the joint an armature"
+            f"the inertia matrix of {arm.name} is singular: {joint_label(arm.joint_names[joint])} can move without "
+            "moving any mass, by itself or against others; give the links between them mass, or the joint an armature"
         )
 
 

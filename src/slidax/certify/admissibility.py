@@ -11,6 +11,7 @@ from slidax.analysis.cause import Remedy
 from slidax.arms.articulated import Articulated
 from slidax.arms.coupled import Coupled
 from slidax.core.errors import DefinitionError
+from slidax.core.joint_names import joint_label
 from slidax.core.types import Envelope, State
 from slidax.law.sliding_mode_controllers import SlidingMode
 from slidax.scenarios.scenario import Scenario
@@ -98,9 +99,12 @@ def _start(scenario: Scenario) -> tuple[_Start | None, list[Assumption]]:
     if inside:
         text = f"{extent.all_are} inside the envelope, |e(0)| up to {joint_values(start.error)} (12)"
     else:
+        plant = scenario.plant
+        robot = getattr(plant, "own", plant).robot
         text = (
-            f"{extent.one_is} outside the envelope: joint {joint + 1} begins up to {start.error[joint]:.4g} off its "
-            f"reference, {start.share[joint]:.3g} times its bound (12)"
+            f"{extent.one_is} outside the envelope: {joint_label(robot.joint_names[joint])} begins up to "
+            f"{start.error[joint]:.4g} {robot.joint_units[joint]} off its reference, {start.share[joint]:.3g} times "
+            "its bound (12)"
         )
     return start, [Assumption(text, "proved" if inside else "fails", float(start.share[joint]))]
 
@@ -145,7 +149,7 @@ def _limits(scenario: Scenario) -> list[Assumption]:
     for name, margin in (("positions", position_margin), ("speeds", speed_margin)):
         joint = int(np.argmin(margin))
         if not margin[joint] >= 0.0:
-            text = f"{name} of the motion exceed a limit of joint `{robot.joint_names[joint]}`"
+            text = f"{name} of the motion exceed a limit of {joint_label(robot.joint_names[joint])}"
             assumptions.append(Assumption(text, "fails", float(margin[joint])))
         elif np.isfinite(margin[joint]):
             text = f"{name} of the motion are within the arm's limits, {over}"

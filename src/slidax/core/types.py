@@ -35,7 +35,7 @@ def _numbers(value: Any, like: Any = None) -> Any:
         return np.zeros(np.shape(like)) if isinstance(like, np.ndarray) else jnp.zeros_like(like)
     if isinstance(value, jax.Array):
         return value if jnp.issubdtype(value.dtype, jnp.inexact) else value.astype(float)
-    return as_array(value) if isinstance(value, (list, tuple, float, int, np.ndarray)) else value
+    return as_array(value) if isinstance(value, (list, tuple, float, int, np.ndarray, str)) else value
 
 
 class State(eqx.Module):

@@ -126,6 +126,8 @@ class _Array:
 
 @dataclass(frozen=True)
 class _Numbers:
+    """C macros by name, C arrays, and the initialiser of the C array `direct_share`, for one certified law."""
+
     macros: dict[str, str]
     arrays: list[_Array]
     direct_share: str

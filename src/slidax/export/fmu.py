@@ -44,6 +44,7 @@ SEEDS = (
     "fmi3Float64 sensitivity[]",
     "size_t nSensitivity",
 )
+"""Arguments that several functions of FMI 3.0 have in common, in C."""
 
 ABSENT: dict[str, tuple[str, ...]] = {
     "fmi3EnterEventMode": (),
@@ -193,6 +194,7 @@ if TYPE_CHECKING:
 
 VERSIONS = (3, 2)
 ARGUMENTS = ("parameters", "memory", "measurement", "reference", "envelope")
+"""Arguments of the C function that computes errors and envelope."""
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ BASE: dict[str, dict[str, int]] = {
 SUPERSCRIPTS = str.maketrans("²³", "23")
 TOKEN = re.compile(r"\s*([()/]|[A-Za-z1]+|\^?\d)\s*")
 COUNTS = ("periods", "samples", "sampling periods")
+"""Units of counts, which are pure numbers in FMI."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,8 @@ NO_LIMIT = 1e300
 """Number that stands for infinity, which some importers cannot read; the step treats larger values as infinite."""
 
 UNDECLARED = {"period": "s", "horizon": "s"}
+"""Units of parameters that have no declaration."""
+
 SIGNALS = {
     "s": ("sliding variable", "rad/s or m/s"),
     "s_next": ("sliding variable planned for the end of the horizon", "rad/s or m/s"),
@@ -121,6 +124,8 @@ SIGNALS = {
     "e": ("error of position", "rad or m"),
     "de": ("error of velocity", "rad/s or m/s"),
 }
+"""Meaning and unit of each signal of a law, by name."""
+
 UNIT_SUFFIX = re.compile(r" \[[^]]*\](?=;|$)")
 PLAIN = {"eps1": ("error", "rad or m"), "eps2": ("rate of the error", "rad/s or m/s")}
 """Meanings of the signals `eps1` and `eps2` for a law without an error transformation."""

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from slidax.scenarios.scenario import Scenario
 
 WORD = 8
+"""Alignment of arrays in the memory of a plan [bytes]."""
 
 
 class Planner:

@@ -42,7 +42,7 @@ MEASUREMENT_OUT_OF_RANGE = Condition(
     2,
     "a measured position is beyond `gate_q_max`",
     True,
-    "If it lasts, brake. `gate_q_max` is 1.5 times the arm's position limits by default; enlarge it for larger motions.",
+    "If it lasts, brake. `gate_q_max` is 1.5 times the arm's position limits by default; enlarge it if necessary.",
 )
 REFERENCE_NOT_FINITE = Condition(
     "REFERENCE_NOT_FINITE",

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from slidax.arms.articulated import PAIRS
 from slidax.core.errors import DefinitionError
 from slidax.core.writing import error_reason, write_text
 
 from .band import Band
 from .identified_arm import EstimatedParameter, Identification
-from .regressor import PAIRS
 
 NOT_OF_ARM = ("offset", "asymmetry", "stribeck", "ripple")
 """First words of the drive parameters that have no key in an arm's description."""

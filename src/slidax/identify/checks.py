@@ -10,6 +10,7 @@ import numpy as np
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
+from slidax.core.joint_names import joint_label
 
 from .identified_arm import Identification, LogFit
 from .log_checks import TRAVEL
@@ -95,7 +96,7 @@ def require_torques(
         other = f"; {second.sentence} would fit as well: `{second.option}`"
     raise DefinitionError(
         f"torques of {log.source} do not fit {robot.name}: its links and drives explain "
-        f"{100 * match.explained:.0f} % of them (least for joint `{robot.joint_names[worst]}`). They explain "
+        f"{100 * match.explained:.0f} % of them (least for {joint_label(robot.joint_names[worst])}). They explain "
         f"{100 * best.match.explained:.0f} % with {best.sentence}: `{best.option}` applies this{other}"
     )
 
@@ -222,8 +223,9 @@ def judge_result(
         _judge_prediction(fit, robot, own, each, fitted.covariance, sigma, unused, warnings)
         largest = np.abs(fit.log.tau).max(axis=0)
         for joint in np.nonzero((largest > 1.2 * limit) & ~unused)[0]:
+            name = joint_label(robot.joint_names[joint])
             warnings.append(
-                f"the torque of {fit.log.source} reaches {largest[joint]:.4g} for joint `{robot.joint_names[joint]}`, "
+                f"the torque of {fit.log.source} reaches {largest[joint]:.4g} for {name}, "
                 f"{largest[joint] / limit[joint]:.2g} times its limit in the arm's file"
             )
     shows, does_not = ("log shows", "log does not") if len(result.logs) == 1 else ("logs show", "logs do not")

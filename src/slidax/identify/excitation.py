@@ -11,6 +11,7 @@ import numpy as np
 from slidax.arms.arm import JointLimits, Payload
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, each_of
+from slidax.core.joint_names import joint_label
 from slidax.core.writing import error_reason, write_text
 
 from .regressor import (
@@ -173,8 +174,8 @@ class ExcitationSearch:
         elif (outside := (center < self.lower) | (center > self.upper)).any():
             k = int(np.argmax(outside))
             raise DefinitionError(
-                f"`center` must be within the joints' limits; joint `{robot.joint_names[k]}` has {self.lower[k]:g} to "
-                f"{self.upper[k]:g}, got {center[k]:g}"
+                f"`center` must be within the joints' limits; {joint_label(robot.joint_names[k])} has "
+                f"{self.lower[k]:g} to {self.upper[k]:g}, got {center[k]:g}"
             )
         self.velocity = _finite(limits.velocity, UNLIMITED_SPEED)
         self.acceleration = (
@@ -346,8 +347,8 @@ def excite(
     if torque.max() > 1.0 + 1e-9:
         joint = int(np.argmax(torque))
         raise DefinitionError(
-            f"no excitation motion found within the torque limit of joint `{robot.joint_names[joint]}`: the best one "
-            f"takes {torque[joint]:.3g} times the allowed torque; give a `center` where the joint carries less, a "
+            f"no excitation motion found within the torque limit of {joint_label(robot.joint_names[joint])}: the best "
+            f"one takes {torque[joint]:.3g} times the allowed torque; give a `center` where the joint carries less, a "
             "larger `share`, or less payload"
         )
     twice = JointMotion(*(np.concatenate([part, part, part[:1]]) for part in motion))

@@ -12,13 +12,13 @@ import numpy as np
 from scipy import stats
 
 from slidax.arms.arm import Payload
-from slidax.arms.articulated import Articulated
+from slidax.arms.articulated import PAIRS, Articulated
 from slidax.core.errors import DefinitionError, as_array
 
 from .band import Band, EstimateErrors, band_of
 from .logs import JointLog
 from .regression import ParameterFit
-from .regressor import BODY, PAIRS, body_of_parameters
+from .regressor import BODY, body_of_parameters
 from .unknowns import REACH, TILT, Unknowns
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from slidax.arms.arm import Payload
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, count_noun
+from slidax.core.joint_names import joint_label
 
 from .band import EstimateErrors
 from .checks import judge_result, require_torques, torque_sample
@@ -205,7 +206,7 @@ def identify(
         if ratio[joint] > DISAGREE:
             warnings += (
                 f"{record.log.source} fits {ratio[joint]:.2g} times worse with the other logs than alone, most in the "
-                f"torque of joint `{robot.joint_names[joint]}`: the arm, its friction or its load differed. The "
+                f"torque of {joint_label(robot.joint_names[joint])}: the arm, its friction or its load differed. The "
                 "intervals are widened to contain each log's own fit; `--load` sets the load of each log",
             )
     unknowns, fitted, theta = in_commands(unknowns, fitted, theta)

@@ -22,6 +22,8 @@ FIELDS = {"position": "q", "velocity": "dq", "effort": "tau"}
 """Fields of a `sensor_msgs/JointState`, and the quantity in each: position, velocity or torque."""
 
 MOST_BYTES = 1000 * MEGABYTE
+"""Largest size of a log in text form."""
+
 LONGEST_MESSAGE = MEGABYTE
 """Largest number of characters of a message in a JSON text."""
 

@@ -14,16 +14,14 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from slidax.core.errors import DefinitionError, plain_name
-from slidax.core.files import MEGABYTE, open_file
+from slidax.core.files import open_file
 from slidax.core.tables import TableFormat, is_number, lines_of, rows_of, table_format
 from slidax.runtime.logs.ros_bags import read_bag, read_joint_states
 from slidax.simulation import parquet
 
 from .column_titles import INDEX, PLURALS, WORDS, Title, match_columns
-from .joint_states import log_of_messages, read_json
+from .joint_states import MOST_BYTES, log_of_messages, read_json
 from .logs import TIME_UNITS, JointLog, LogColumns, ReadOptions
-
-MOST_BYTES = 1000 * MEGABYTE
 
 _NAME = re.compile(r"(?:(?P<prefix>.*)\.)?names?(?:[._]?\[?(?P<index>\d{1,6})\]?)?")
 """Title of a column with the name of a joint, or with a list of names."""

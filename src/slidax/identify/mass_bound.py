@@ -29,10 +29,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slidax.arms.articulated import Articulated
+from slidax.arms.articulated import PAIRS, Articulated
 from slidax.core.errors import DefinitionError
 
-from .regressor import BODY, PAIRS, cross_matrix
+from .regressor import BODY, cross_matrix
 
 GAP = 0.02
 """Largest excess of the bound over the optimum of the semidefinite program, as a share of the optimum."""

@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from slidax.arms.arm import Payload
-from slidax.arms.articulated import Articulated
+from slidax.arms.articulated import PAIRS, Articulated
 
 BODY = 10
 """Parameters per body: mass, mass times centre, inertia about the frame's origin as xx, yy, zz, xy, xz, yz."""
-
-PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 class JointMotion(NamedTuple):

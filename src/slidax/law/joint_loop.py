@@ -120,7 +120,6 @@ class LinearLoop:
         if self.radius(1.0, delay) >= 1.0:
             return math.nan, math.nan
         for direction in (-1.0, 1.0):
-            inside, outside = 0.0, 6.0
             steps = np.linspace(0.0, 6.0, 61)
             unstable = [x for x in steps if self.radius(2.0 ** (direction * x), delay) >= 1.0]
             if not unstable:

@@ -67,15 +67,15 @@ def _require(key: _Key) -> None:
     if not hasattr(command.tau, "dtype") or command.tau.shape != (n,):
         got = f"shape {list(command.tau.shape)}" if hasattr(command.tau, "shape") else _kind(command.tau)
         raise DefinitionError(f"{where}: `tau` must be an array of {n} torques, one per joint; got {got}")
-    after = command.memory if command.rate is None else command.rate
-    _require_arrays(after, "the memory", where)
-    before, later = (jax.tree.map(lambda x: (x.shape, x.dtype.name), tree) for tree in (memory, after))
-    if before != later:
-        raise DefinitionError(
-            f"{where}: the memory, or its `rate` if there is one, must keep the form that `init` gives the memory, "
-            f"{_form(memory)}; got {_form(after)}: return the same arrays with the same shapes and types from `init` "
-            "and `__call__`"
-        )
+    for after in (command.memory,) if command.rate is None else (command.memory, command.rate):
+        _require_arrays(after, "the memory", where)
+        before, later = (jax.tree.map(lambda x: (x.shape, x.dtype.name), tree) for tree in (memory, after))
+        if before != later:
+            raise DefinitionError(
+                f"{where}: the memory, and its `rate` if there is one, must keep the form that `init` gives the "
+                f"memory, {_form(memory)}; got {_form(after)}: return the same arrays with the same shapes and types "
+                "from `init` and `__call__`"
+            )
     for name, value in command.signals.items() if isinstance(command.signals, dict) else [("", command.signals)]:
         _require_arrays(value, f"the signal `{name}`" if name else "`signals`, a dictionary of arrays,", where)
     if not text or _traced(law, t, state, reference, reference, shapes)[0] != text:

@@ -426,7 +426,7 @@ class Through(AbstractMove):
                 f"it is {distance:.3g} m and {np.rad2deg(angle):.3g} degrees off: insert a `Line` to it before this "
                 "move"
             )
-        rows = _aligned(np.concatenate([own[None], rows[1:]]), first=1)
+        rows = _aligned(np.concatenate([own[None], rows[1:]]), first=0)
         span = float(times[-1] - times[0])
         knots = (times - times[0]) / span
         curve = Spline(knots=knots, coefficients=quintic_spline(knots, rows))

@@ -241,13 +241,24 @@ class Streamed(AbstractPiecewisePolynomial):
         - `times`: times at which the positions arrive [k], s, increasing, the first at 0 or later.
         - `positions`: [k n], rad or m.
 
-        Raises DefinitionError if the shapes do not match or the first position is outside the limits.
+        Raises DefinitionError if the shapes do not match, the times are not increasing, a number is not finite, or the
+        first position is outside the limits.
         """
         t, rows = np.asarray(times, float), np.asarray(positions, float)
         if t.ndim != 1 or rows.ndim != 2 or len(rows) != len(t) or not len(t):
             raise DefinitionError(
                 f"a stream needs one row per time and one column per joint; got shape {list(rows.shape)} for {len(t)} "
                 "times"
+            )
+        if not (np.isfinite(t).all() and t[0] >= 0.0 and (np.diff(t) > 0.0).all()):
+            raise DefinitionError(
+                f"the times of a stream must be increasing, finite, and 0 or more; got {short_repr(t)}: sort its rows, "
+                "and count the time from the start of the motion"
+            )
+        if not np.isfinite(rows).all():
+            row, joint = np.argwhere(~np.isfinite(rows))[0]
+            raise DefinitionError(
+                f"the positions of a stream must be finite; row {row + 1} is not, for joint {joint + 1}"
             )
         lower, upper = np.asarray(stream.lower), np.asarray(stream.upper)
         if np.any((rows[0] < lower) | (rows[0] > upper)):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError, as_array, percent
+from slidax.core.joint_names import joint_label
 from slidax.simulation.states import Numbers, States, spread_in_box, states_of
 
 
@@ -122,6 +123,7 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
     if one_for_all and weak.any():
         weak = np.ones_like(missing)
     rounded = np.array([float(f"{value:.2g}") for value in needed])
+    assumed = np.where(far & ~weak, np.minimum(limits, rounded), rounded)
     notes = []
     for which, why in (
         (missing, "no effort limit in the file, or 0"),
@@ -129,8 +131,8 @@ def _torques(arm: Articulated, lower: Numbers, upper: Numbers) -> tuple[Numbers,
         (weak, why_weak),
     ):
         if which.any():
-            notes.append(f"{_named(arm, which)}: {why}; {_list(rounded[which])} N m is assumed from the arm's weight")
-    return np.where(missing | far | weak, np.where(far & ~weak, np.minimum(limits, rounded), rounded), limits), notes
+            notes.append(f"{_named(arm, which)}: {why}; {_list(assumed[which])} N m is assumed from the arm's weight")
+    return np.where(missing | far | weak, assumed, limits), notes
 
 
 def _too_weak(arm: Articulated, limits: Numbers, weight: Numbers, weak: NDArray[np.bool_], one_for_all: bool) -> str:
@@ -312,7 +314,7 @@ def motion_about(arm: Articulated, ratings: Ratings, home: Numbers, share: float
         joint = int(np.argmax(held))
         raise DefinitionError(
             f"the payload of {share * float(np.sum(np.asarray(arm.masses))):.3g} kg, at rest, takes "
-            f"{percent(held[joint])} of the torque limit of joint `{arm.joint_names[joint]}`; at most "
+            f"{percent(held[joint])} of the torque limit of {joint_label(arm.joint_names[joint])}; at most "
             f"{percent(HOLDABLE)} is allowed: choose a lighter payload, or an arm with larger torque limits"
         )
     allowed = np.maximum(TORQUE_SHARE, held.max() + 0.1)

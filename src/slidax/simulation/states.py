@@ -20,6 +20,7 @@ from slidax.codegen import llvm
 from slidax.codegen.ir import NoNativeCodeError
 from slidax.codegen.trace.tracing import trace
 from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.joint_names import joint_label
 from slidax.core.tracing import require_64_bits
 from slidax.core.types import State
 from slidax.motions.trajectory import AbstractMotion
@@ -162,9 +163,8 @@ def _first_excess(robot: Articulated | Coupled, q: np.ndarray, dq: np.ndarray) -
             joint = int(np.argmax(over[k]))
             value, unit = values[k, joint], robot.joint_units[joint] + per
             side, limit = ("below", low[joint]) if value < low[joint] else ("above", high[joint])
-            return k, (
-                f"joint `{robot.joint_names[joint]}` {verb} {value:.6g} {unit}, {side} its limit of {limit:.6g} {unit}"
-            )
+            name = joint_label(robot.joint_names[joint])
+            return k, f"{name} {verb} {value:.6g} {unit}, {side} its limit of {limit:.6g} {unit}"
     return None
 
 

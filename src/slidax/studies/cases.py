@@ -7,7 +7,6 @@ family, with one value from each set.
 from __future__ import annotations
 
 import functools
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -402,11 +401,6 @@ class StudyTask:
     def content(self) -> dict[str, Any]:
         """The text as a mapping, with the keys `scenario`, `uncertain`, `varied` and `engine`."""
         return json.loads(self.text)
-
-    @property
-    def digest(self) -> str:
-        """Hash of the text; the results of a case depend only on the text and on the values of the case."""
-        return hashlib.sha256(self.text.encode()).hexdigest()[:16]
 
     def cases(self, threads: int | None = None) -> Cases:
         """Return the `Cases` of the family, cached by text so that a process compiles once.

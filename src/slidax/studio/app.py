@@ -90,8 +90,6 @@ def _with_nonce(text: str, nonce: str) -> str:
 DEFAULT = "example-4.1-1khz"
 """Scenario that the page shows until it has sent the token."""
 
-YAML = (".yaml", ".yml")
-
 COMPILING = 600.0
 """Time limit for compiling a scenario for the page [s]."""
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from slidax.arms.articulated import Articulated
 from slidax.core.errors import DefinitionError
+from slidax.core.joint_names import joint_label
 from slidax.identify.band import Band
 from slidax.motions.trajectory import AbstractMotion
 
@@ -242,7 +243,7 @@ def verdict_of(
     cell, joint = (int(i) for i in np.unravel_index(int(np.argmax(bounds.error)), bounds.error.shape))
     terms = {name: float(values[cell, joint]) for name, values in bounds.terms.items()}
     dominating = max(terms, key=lambda name: terms[name])
-    where = f"joint `{arm.joint_names[joint]}` at {cells.centres[cell]:.3g} s"
+    where = f"{joint_label(arm.joint_names[joint])} at {cells.centres[cell]:.3g} s"
     if not bounds.verified:
         statement = (
             f"Not certified: no error bound below {WIDEST:g} rad exists for this motion. The bound grows without end "

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
+from ..builder import COMMUTATIVE
 from ..ir import BLOCKS, Branch, Loop, Program, Region, Value, regions, uses
 from .order import dependants, dependency_counts
 
@@ -20,7 +21,6 @@ VECTOR_OPERATIONS = frozenset(
 )
 """Operations with vector instructions."""
 
-COMMUTATIVE = frozenset({"add", "mul", "min", "max", "and", "or", "xor", "eq", "ne"})
 
 LARGEST_WIDTH = 8
 """Largest number of lanes of a vector."""

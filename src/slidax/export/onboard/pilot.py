@@ -318,10 +318,14 @@ def _structure(name: str, fields: list[tuple[str, Any]]) -> Any:
 
 
 PER_JOINT = ("q", "dq", "tau", "q_wanted", "dq_wanted", "error")
+"""Columns of the log with a number for each joint; `wanted` stands for the reference."""
 
 
 class MotionLog:
-    """Log of a motion in memory. It is written to a file when the motion is over, never while the arm moves."""
+    """Log of a motion in memory. It is written to a file when the motion is over, never while the arm moves.
+
+    The column `time` is in s; `margin`, `status` and `phase` are from the pilot's report.
+    """
 
     def __init__(self, law: CompiledLaw) -> None:
         joints = range(1, law.joints + 1)

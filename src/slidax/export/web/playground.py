@@ -152,6 +152,7 @@ def _joint_limits(robot: AbstractRobot) -> dict[str, Any] | None:
 
 
 FORMAT = 1
+"""Version of the manifest's format, which the page checks."""
 
 
 NOTHING: dict[str, Any] = {"c_files": None, "c_parameters": None, "certificates": []}

@@ -130,11 +130,14 @@ def _records(path: Path) -> Iterator[Any]:
                 kind = type(record).__name__
                 if kind == "Chunk":
                     left -= record.uncompressed_size
-                    if record.uncompressed_size > MOST_OF_A_CHUNK or left < 0:
+                    large = record.uncompressed_size > MOST_OF_A_CHUNK
+                    if large or left < 0:
+                        limit, part = UNPACKED + RATIO * size, "log of its size"
+                        if large:
+                            limit, part = MOST_OF_A_CHUNK, "chunk"
                         raise DefinitionError(
-                            f"`{path}`, {size / MEGABYTE:.3g} MB, unpacks to more than "
-                            f"{min(MOST_OF_A_CHUNK, UNPACKED + RATIO * size) / MEGABYTE:.3g} MB, the limit for a "
-                            "log of this size: write the log again without compression, in chunks of a few MB"
+                            f"`{path}`, {size / MEGABYTE:.3g} MB, unpacks to more than {limit / MEGABYTE:.3g} MB, the "
+                            f"limit for a {part}: write the log again without compression, in chunks of a few MB"
                         )
                     yield from _records_in_chunk(record)
                 elif kind == "Message":

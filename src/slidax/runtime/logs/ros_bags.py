@@ -196,7 +196,9 @@ def _files(path: Path, notes: list[str]) -> list[Path]:
     listed = _listed(path)
     if listed is None:
         notes.append(f"`{path.name}` has no readable `{METADATA}`: all of its files are read")
-        files = [file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith(ENDINGS)]
+        files = [
+            file for file in path.iterdir() if file.name.removesuffix(".zstd").endswith(ENDINGS) and file.is_file()
+        ]
         listed = sorted(files, key=lambda file: (_number(file), file.name))
     missing = [file.name for file in listed if len(file.name) > 255 or not file.is_file()]
     if missing:
