@@ -1,5 +1,6 @@
 """`explain` names the cause of a seeded fault, and estimates from the log agree with the arm."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from slidax.analysis import RunRecord, explain, forecast
 from slidax.analysis.log_estimate import believed_inertia, encoder_resolution, estimate_from_log
-from slidax.analysis.loop_causes import InertiaCause
+from slidax.analysis.loop_causes import EncoderCause, EstimatorCause, InertiaCause
 from slidax.analysis.torque_causes import ContactCause, PayloadEstimate, _cover_remedies, _payload_remedies
 from slidax.arms import panda
 from slidax.core.errors import DefinitionError
@@ -149,6 +150,23 @@ def test_loop_with_an_exact_model_and_kalman_filter_is_stable_at_any_known_delay
     for delay in (0.0, 0.5, 1.0, 2.5, 4.0):
         loop = LinearLoop(h=1e-3, horizon=7.0, believed=delay, gains=(0.2, 0.02, 0.001), measures_velocity=False)
         assert loop.radius() < 1.0 and loop.radius(1.0, delay + 8.0) > 1.0
+
+
+def test_a_loop_that_is_unstable_with_its_own_model_is_explained_without_a_nan():
+    scenario = seeded("too light a model")
+    record = RunRecord.of(scenario, scenario.simulate(log_every=1))
+    assert InertiaCause().finding(record) is not None
+    unstable = LinearLoop(h=1e-3, horizon=7.0, believed=1.0, gains=(3.0, 0.5, 0.5), measures_velocity=False)
+    assert unstable.radius() > 1.0
+    record.__dict__["loops"] = (unstable,) * record.joints
+    encoders = np.array(record.q)
+    record.__dict__["q"] = 1e-4 * np.round(encoders / 1e-4)
+    findings = [cause().finding(record) for cause in (InertiaCause, EncoderCause, EstimatorCause)]
+    for finding in filter(None, findings):
+        json.dumps(finding.numbers, allow_nan=False)
+        assert "nan" not in finding.evidence and "inf" not in finding.evidence.split()
+    assert "unstable even for the inertia in the model" in findings[0].evidence
+    assert "is unstable (spectral radius" in findings[2].evidence
 
 
 def test_explain_names_no_cause_for_a_run_inside_its_envelope():

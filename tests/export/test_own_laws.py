@@ -203,6 +203,15 @@ class GrowsItsMemory(Wrong):
         return sx.Command(tau=now.q - state.q, memory=jnp.append(memory, 0.0), signals={})
 
 
+class GrowsItsMemoryNextToARate(Wrong):
+    def init(self, t, state, reference):
+        return jnp.zeros(2)
+
+    def __call__(self, t, state, now, following, memory):
+        grown = jnp.append(memory, 0.0)
+        return sx.Command(tau=now.q - state.q, memory=grown, signals={}, rate=jnp.zeros(2))
+
+
 class SignalsAWord(Wrong):
     def __call__(self, t, state, now, following, memory):
         command = sx.Command(tau=now.q - state.q, memory=memory, signals={})
@@ -223,7 +232,8 @@ REMEDIES = {
     ReturnsNothing: "the `return` is missing",
     CommandsTooManyTorques: "an array of 2 torques, one per joint; got shape [3]",
     CountsInPython: "got 0, a int: write `jnp.asarray(0)`",
-    GrowsItsMemory: "that `init` gives it, float64[2]; got float64[3]",
+    GrowsItsMemory: "that `init` gives the memory, float64[2]; got float64[3]",
+    GrowsItsMemoryNextToARate: "that `init` gives the memory, float64[2]; got float64[3]",
     SignalsAWord: "the signal `mode` must be made of arrays of numbers; got 'hold'",
     Branches: "jnp.where(condition, a, b)",
     BranchesAtTheStart: "jnp.where(condition, a, b)",

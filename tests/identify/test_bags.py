@@ -234,6 +234,8 @@ def test_individually_compressed_messages_are_read(tmp_path):
 
 
 def test_folder_that_is_no_bag_is_refused(tmp_path):
+    # A folder with the ending of a log is not one of the bag's files.
+    (tmp_path / "old.mcap").mkdir()
     with pytest.raises(DefinitionError, match=r"is not a ros2 bag folder"):
         read_log(tmp_path, ARM)
     metadata(tmp_path, ["gone.mcap"], "mcap")

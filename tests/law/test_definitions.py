@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError
-from slidax.core.types import Command
+from slidax.core.types import Command, State
 from slidax.law import (
     AbstractController,
     ComputedTorque,
@@ -34,6 +34,12 @@ from tests.rivals import (
 )
 
 NAN = float("nan")
+
+
+def test_a_state_of_text_is_refused():
+    for text in ("a", ["a", "b"]):
+        with pytest.raises(DefinitionError, match="a number or a list of numbers is needed"):
+            State(text)
 
 
 def linear_core(**changes):

@@ -1,5 +1,6 @@
 """`slidax new` for any arm: the file runs as it is, within every limit, and lists its assumptions."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -110,6 +111,8 @@ def test_a_draft_uses_plausible_torque_limits_unchanged(tmp_path):
 @pytest.mark.parametrize(
     ("efforts", "message"),
     [
+        # Joints 1 and 2 need more than the limit, which they keep.
+        ((20.0,) * 4, "20 N m for every joint"),
         ((300.0,) * 4, "300 N m for every joint"),
         ((2000.0,) * 4, "2000 N m for every joint"),
         ((0.0,) * 4, "no effort limit in the file, or 0"),
@@ -123,6 +126,8 @@ def test_a_placeholder_torque_limit_is_reported_with_its_replacement(tmp_path, e
     assert "is assumed" in note
     torque = np.asarray(scenario.controller.limits.torque)
     assert torque.max() < 100.0
+    assumed = [float(number) for number in re.search(r"; ([\d., ]+) N m is assumed", note)[1].split(",")]
+    assert assumed == torque[-len(assumed) :].tolist()
     assert "".join(note.split()) in "".join(drafted.text.replace("#", "").split())
 
 

@@ -23,7 +23,7 @@ from .uncertainty_set import StartBox, start_box
 
 NAME, TITLE = "admissibility", "parameters, starts and motion are admissible"
 
-READS = ("scheme", "trajectory", "start", "robot", "actuator", "simulation")
+READS = ("scheme", "trajectory", "start", "robot.nominal", "actuator", "simulation")
 
 
 @certificate(NAME, TITLE, covers=(*ARM, INERTIAL_PATH, "sensor", "actuator"), reads=READS)

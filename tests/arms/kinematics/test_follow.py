@@ -174,6 +174,16 @@ def test_impossible_moves_are_errors_with_the_reason(message, moves, more):
         follow(arms.panda(), moves, start=home("panda"), **more)
 
 
+def test_a_timed_pose_that_is_turned_too_far_is_named_by_its_row():
+    start = home("panda")
+    first = Pose.of_tip(arms.panda(), start)
+    own = [*first.position, *first.quaternion]
+    flipped = Pose(first.position, first.rotation @ np.diag([-1.0, 1.0, -1.0]))
+    rows = [own, [*own[:2], own[2] - 0.01, *own[3:]], [*flipped.position, *flipped.quaternion]]
+    with pytest.raises(DefinitionError, match=r"row 3 of `Through.poses` is rotated by 180"):
+        follow(arms.panda(), [Through(poses=rows, times=[0.0, 1.0, 2.0])], start=start)
+
+
 def test_line_move_with_a_half_turn_is_refused_as_ambiguous():
     arm, start = arms.panda(), home("panda")
     end = Pose.of_tip(arm, start).rotation @ np.diag([-1.0, -1.0, 1.0])
