@@ -79,7 +79,9 @@ def _section(words: str, command: Any) -> list[str]:
 def _row(parameter: Any, hint: Any) -> str:
     kinds = [kind for kind in (hint, *typing.get_args(hint)) if isinstance(kind, type) and issubclass(kind, enum.Enum)]
     value = "\\|".join(entry.value for entry in kinds[0]) if kinds else parameter.metavar or parameter.name.upper()
-    default = "" if parameter.default in (None, False, "", ()) else f"`{parameter.default}`"
+    # 0 is a default, although it equals False.
+    empty = parameter.default is None or parameter.default is False or parameter.default in ("", ())
+    default = "" if empty else f"`{parameter.default}`"
     if parameter.param_type_name == "argument":
         name = f"`{value}`"
     elif not parameter.is_flag:

@@ -3,13 +3,14 @@
 import jax.numpy as jnp
 import numpy as np
 
-from slidax.arms import Joint, assemble
+from slidax.arms import Joint, assemble, couple
 from slidax.core.types import State
 from slidax.law import ComputedTorque
 from slidax.motions import Sinusoid
 from slidax.plant import Actuator, Constant, TorqueLimits
 from slidax.scenarios import load
 from slidax.simulation import MujocoPlant, Plant, simulate
+from tests.arms.trees import small_tree
 
 
 def two_link():
@@ -44,4 +45,14 @@ def crane_run(*, torque, load=None, table=None, mujoco=False):
     sway = Sinusoid(offset=np.full(2, 0.3), amplitude=np.full(2, 0.2), frequency=np.full(2, 2.0))
     law = ComputedTorque(robot, kp=20.0, kd=8.0)
     start = State(q=jnp.full(2, 0.4), dq=jnp.zeros(2))
+    return plant, simulate(plant, law, sway, start, t1=0.3, period=2e-3, progress=False)
+
+
+def coupled_run():
+    """A swing of an arm whose third joint follows the first."""
+    robot = couple(small_tree(), {"arm": ("waist", -2.0, 0.2)})
+    sway = Sinusoid(offset=np.zeros(2), amplitude=np.full(2, 0.3), frequency=np.full(2, 2.0))
+    law = ComputedTorque(robot, kp=20.0, kd=8.0)
+    start = State(q=jnp.zeros(2), dq=jnp.zeros(2))
+    plant = Plant(robot, Constant(np.zeros(2)))
     return plant, simulate(plant, law, sway, start, t1=0.3, period=2e-3, progress=False)

@@ -2,6 +2,7 @@ import dataclasses
 from itertools import product
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from slidax.report.replay.drawing import FIELD_OF_VIEW, camera_for, draw
 from slidax.report.replay.skeleton import sample_run, skeleton_of
 from slidax.report.replay.solids import DESIRED, JOINT, LINK, Solid, merge_solids, turn_up
 
-from .runs import crane_run, scara, two_link
+from .runs import coupled_run, crane_run, scara, two_link
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +153,18 @@ def test_the_rod_of_a_prismatic_joint_always_reaches_its_sleeve():
     drawn = draw(run, scenario.plant, rate=60.0, most=1000)
     # The slide's z axis points down; at the largest q the rod still begins above the sleeve.
     assert _links(drawn.solids, 3)[:, 2].min() < -float(np.abs(run.log.state.q[:, 2]).max())
+
+
+def test_an_arm_with_a_follower_is_drawn_with_the_follower_in_its_place():
+    plant, run = coupled_run()
+    robot, drawing = plant.robot, draw(run, plant, rate=20.0, most=100)
+    film, bones = drawing.motion, drawing.skeleton
+    assert bones.driven == robot.joint_names and set(bones.names) - set(bones.driven) == {"arm"}
+    log = drawing.run.log
+    sample = int(np.argmin(np.abs(np.asarray(log.t) - film.t[-1])))
+    np.testing.assert_allclose(film.actual_tip[-1], robot.tip(jnp.asarray(log.state.q[sample])), atol=1e-9)
+    follower = bones.names.index("arm")
+    assert film.travel[follower] >= abs(float(robot.positions(jnp.asarray(log.state.q[sample]))[follower]))
 
 
 def test_solids_of_one_body_and_colour_are_merged():

@@ -7,12 +7,18 @@ from slidax import arms
 from slidax.arms import Scara, TwoLink
 from slidax.core.errors import DefinitionError
 from slidax.report.replay import Skeleton, skeleton, skeleton_of
+from tests.arms.trees import small_tree
 
 TWO_LINK = TwoLink(lengths=[1.2, 0.8], masses=[1.0, 1.0], inertias=[0.1, 0.1])
 SCARA = Scara(lengths=[0.3, 0.2], masses=[1.0, 1.0, 1.0])
 
 
-@pytest.mark.parametrize("robot", [arms.panda(), arms.ur5e(), TWO_LINK, SCARA], ids=lambda robot: type(robot).__name__)
+COUPLED = arms.couple(small_tree(), {"arm": ("waist", -2.0, 0.2)})
+
+
+@pytest.mark.parametrize(
+    "robot", [arms.panda(), arms.ur5e(), TWO_LINK, SCARA, COUPLED], ids=lambda robot: type(robot).__name__
+)
 def test_the_tip_of_the_skeleton_is_the_robots_tip(robot):
     bones = skeleton_of(robot)
     postures = np.random.default_rng(0).uniform(-2, 2, (5, robot.joints))

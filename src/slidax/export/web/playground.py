@@ -50,7 +50,7 @@ def arm_entry(
     """
     bones = skeleton_of(robot)
     times = jnp.linspace(0.0, t1, INSTANTS)
-    travel = np.max(np.abs(jax.vmap(trajectory.position)(times)), axis=0)
+    travel = np.abs(bones.positions(np.asarray(jax.vmap(trajectory.position)(times)))).max(axis=0)
     kinematics = [
         {
             "name": name,
@@ -58,7 +58,7 @@ def arm_entry(
             "origin": [*_plain(position), *_plain(quaternion_of(np.asarray(turn)))],
             "axis": [0.0, 0.0, 1.0],
             "type": "revolute" if revolute else "prismatic",
-            "joint": joint,
+            **_moved_by(bones, joint),
         }
         for joint, (name, parent, revolute, turn, position) in enumerate(
             zip(bones.names, bones.parents, bones.revolute, bones.rotations, bones.translations, strict=True)
@@ -77,12 +77,23 @@ def arm_entry(
     }
 
 
+def _moved_by(bones: Skeleton, joint: int) -> dict[str, Any]:
+    """Return the index of the driven joint that moves a joint, and for a follower its ratio and offset."""
+    coupling = bones.coupling
+    if coupling is None:
+        return {"joint": joint}
+    leader: dict[str, Any] = {"joint": coupling.leaders[joint]}
+    if bones.names[joint] in coupling.driven:
+        return leader
+    return leader | {"follows": {"ratio": float(coupling.ratios[joint]), "offset": float(coupling.offsets[joint])}}
+
+
 def _shapes(bones: Skeleton, travel: np.ndarray) -> list[dict[str, Any]]:
     """Return the shapes that draw an arm: joints, the bones between them, the tip and the base.
 
     A revolute joint is a cylinder around its axis, a prismatic joint a cylinder with a rod that slides in it.
 
-    - `travel`: largest distance of each joint's position from 0 along the motion [n], rad or m.
+    - `travel`: largest distance of each of m joints from 0 along the motion [m], rad or m.
     """
     radii = _radii(bones)
     shapes: list[dict[str, Any]] = []
@@ -119,8 +130,8 @@ def _shape(
 
 
 def _radii(bones: Skeleton) -> np.ndarray:
-    """Return the radius of each body, the base first [n+1], m."""
-    far = np.zeros(bones.joints + 1)
+    """Return the radius of each body, the base first [bodies], m."""
+    far = np.zeros(bones.bodies)
     for joint, parent in enumerate(bones.parents):
         far[joint + 1] = far[parent + 1] + np.linalg.norm(bones.translations[joint])
     return THICK * bones.reach * (1.0 - 0.5 * np.minimum(far / bones.reach, 1.0))

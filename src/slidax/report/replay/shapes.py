@@ -89,7 +89,7 @@ def plain_shapes(skeleton: Skeleton, travel: np.ndarray, size: float) -> list[So
     """Return plain shapes of the links and joints.
 
     - `skeleton`: skeleton of the arm.
-    - `travel`: largest distance of each joint from 0 in a run [n], rad or m; the rod of a prismatic joint is that long.
+    - `travel`: largest distance of each joint from 0 in a run [m], rad or m; a prismatic joint's rod is that long.
     - `size`: diameter of the visible scene, m; in a large scene the shapes are thicker.
     """
     radii = _radii(skeleton, size)
@@ -153,9 +153,9 @@ def slab(stage: SceneStage) -> Solid | None:
 
 
 def _radii(skeleton: Skeleton, size: float) -> np.ndarray:
-    """Return the radius of each body [n+1], m; the tip is half as thick as the base."""
+    """Return the radius of each body [bodies], m; the tip is half as thick as the base."""
     reach = skeleton.reach
-    far = np.zeros(skeleton.joints + 1)
+    far = np.zeros(skeleton.bodies)
     for joint, parent in enumerate(skeleton.parents):
         far[joint + 1] = far[parent + 1] + np.linalg.norm(skeleton.translations[joint])
     return 0.04 * max(reach, size / 4) * (1 - 0.5 * np.minimum(far / reach, 1.0))
@@ -300,11 +300,11 @@ def _carried(skeleton: Skeleton, urdf: UrdfDrawing, path: Path) -> dict[str, int
 
 
 def _link_frames(skeleton: Skeleton, urdf: UrdfDrawing, q: np.ndarray) -> dict[str, np.ndarray]:
-    return urdf.frames(dict(zip(skeleton.names, q.tolist(), strict=True)))
+    return urdf.frames(dict(zip(skeleton.names, skeleton.positions(q[None])[0].tolist(), strict=True)))
 
 
 def _body_frames(skeleton: Skeleton, q: np.ndarray) -> np.ndarray:
     poses = skeleton.poses(q[None])
-    frames = np.tile(np.eye(4), (skeleton.joints + 1, 1, 1))
+    frames = np.tile(np.eye(4), (skeleton.bodies, 1, 1))
     frames[:, :3, :3], frames[:, :3, 3] = poses.rotations[0], poses.positions[0]
     return frames

@@ -212,7 +212,7 @@ class View:
         self._slider: Any = gui.add_slider("t [s]", start, end, (end - start) / 2000, start)
         speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1x")
         layout = gui.add_dropdown("Reference", LAYOUTS)
-        joints = gui.add_dropdown("Joint", tuple(drawing.skeleton.names))
+        joints = gui.add_dropdown("Joint", tuple(drawing.skeleton.driven))
 
         @self._button.on_click
         def _(_: Any) -> None:
@@ -236,7 +236,7 @@ class View:
 
         @joints.on_update
         def _(_: Any) -> None:
-            self._chart(drawing.skeleton.names.index(joints.value))
+            self._chart(drawing.skeleton.driven.index(joints.value))
 
         self._chart(0)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from slidax.arms.arm import AbstractRobot
 from slidax.arms.articulated import Articulated
+from slidax.arms.coupled import Coupled
 from slidax.arms.paper_arms import Scara, TwoLink
 from slidax.core.errors import DefinitionError, count_noun
 from slidax.core.joint_names import quote_names
@@ -22,8 +23,8 @@ from ..figures.style import log_of
 class Poses:
     """Poses of the bodies at several times; body 0 is the base, joint i moves body i + 1.
 
-    - `rotations`: axes as columns [k n+1 3 3].
-    - `positions`: origins [k n+1 3], m.
+    - `rotations`: axes as columns [k m+1 3 3].
+    - `positions`: origins [k m+1 3], m.
     """
 
     rotations: np.ndarray
@@ -35,15 +36,31 @@ class Poses:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """Joints that follow others, as in `Coupled`: n joints are driven, and m joints move.
+
+    - `leaders`: index of the driven joint that moves each joint [m].
+    - `ratios`, `offsets`: each joint is at its ratio times its leader's position plus its offset [m].
+    - `driven`: names of the driven joints.
+    """
+
+    leaders: tuple[int, ...]
+    ratios: np.ndarray
+    offsets: np.ndarray
+    driven: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Skeleton:
-    """Joint frames of an arm. Joints turn about or slide along their z axis, as in `Articulated`.
+    """Joint frames of an arm with m joints. Joints turn about or slide along their z axis, as in `Articulated`.
 
     - `parents`: index of the previous joint, -1 for the base.
-    - `rotations`, `translations`: pose of each frame in its parent's frame at joint position 0 [n 3 3], [n 3], m.
+    - `rotations`, `translations`: pose of each frame in its parent's frame at joint position 0 [m 3 3], [m 3], m.
     - `tip_joint`: index of the joint that carries the tip.
     - `tip_rotation`, `tip_translation`: pose of the tip in this joint's frame [3 3], [3], m.
     - `revolute`, `names`: True for each revolute joint; names of the joints.
     - `up`: direction against gravity in the base frame [3].
+    - `coupling`: joints that follow others; None if each joint has its drive.
     """
 
     parents: tuple[int, ...]
@@ -55,11 +72,28 @@ class Skeleton:
     tip_translation: np.ndarray
     up: np.ndarray
     names: tuple[str, ...]
+    coupling: Coupling | None = None
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the joints with a drive, which are the joints of a run."""
+        return self.names if self.coupling is None else self.coupling.driven
 
     @property
     def joints(self) -> int:
-        """Number of joints."""
-        return len(self.parents)
+        """Number n of joints with a drive."""
+        return len(self.driven)
+
+    @property
+    def bodies(self) -> int:
+        """Number of bodies: the base, and one for each joint."""
+        return len(self.parents) + 1
+
+    def positions(self, q: np.ndarray) -> np.ndarray:
+        """Return the positions of all joints [k m] for those of the driven joints `q` [k n], rad or m."""
+        if self.coupling is None:
+            return q
+        return self.coupling.ratios * q[:, self.coupling.leaders] + self.coupling.offsets
 
     @property
     def chain(self) -> tuple[int, ...]:
@@ -77,9 +111,10 @@ class Skeleton:
 
     def poses(self, q: np.ndarray) -> Poses:
         """Return the bodies' poses at joint positions `q` [k n], rad or m. In NumPy: compiling would take longer."""
-        angles, slides = np.where(self.revolute, q, 0.0), np.where(self.revolute, 0.0, q)
-        rotations = np.tile(np.eye(3), (len(q), self.joints + 1, 1, 1))
-        positions = np.zeros((len(q), self.joints + 1, 3))
+        moved = self.positions(q)
+        angles, slides = np.where(self.revolute, moved, 0.0), np.where(self.revolute, 0.0, moved)
+        rotations = np.tile(np.eye(3), (len(q), self.bodies, 1, 1))
+        positions = np.zeros((len(q), self.bodies, 3))
         for joint, parent in enumerate(self.parents):
             carrier = rotations[:, parent + 1]
             turned = carrier @ self.rotations[joint]
@@ -143,6 +178,12 @@ def _(robot: Articulated) -> Skeleton:
 
 
 @skeleton_of.register
+def _(robot: Coupled) -> Skeleton:
+    coupling = Coupling(robot.leaders, np.asarray(robot.ratios), np.asarray(robot.offsets), robot.joint_names)
+    return replace(skeleton_of(robot.arm), coupling=coupling)
+
+
+@skeleton_of.register
 def _(robot: TwoLink) -> Skeleton:
     first, second = np.asarray(robot.lengths)
     along, up = np.eye(3)[:2]
@@ -193,7 +234,7 @@ class SampledRun:
     - `t`: times of the frames [k], s.
     - `actual`, `desired`: poses of the true arm's bodies, and of the reference's.
     - `actual_tip`, `desired_tip`: tip positions [k 3], m.
-    - `travel`: largest distance of each joint from 0 [n], rad or m.
+    - `travel`: largest distance of each joint of the skeleton from 0 [m], rad or m.
     """
 
     t: np.ndarray
@@ -225,7 +266,7 @@ def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledR
         raise DefinitionError(
             f"the run has {count_noun(q.shape[1], 'joint')}, but this robot has {skeleton.joints}: give the run's robot"
         )
-    names = skeleton.names
+    names = skeleton.driven
     if tuple(names) != tuple(run.joint_names) and set(names) == set(run.joint_names):
         raise DefinitionError(
             f"the run's joints are {quote_names(run.joint_names)}, but this robot's are {quote_names(names)}: give the "
@@ -238,7 +279,7 @@ def sample_run(run: Run, skeleton: Skeleton, rate: float, most: int) -> SampledR
     frames = int(np.clip(np.ceil((t[-1] - t[0]) * rate - 1e-6) + 1, 2, most))
     times = np.linspace(t[0], t[-1], frames)
     actual, ideal = (skeleton.poses(_at(times, t, positions)) for positions in (q, desired))
-    travel = np.maximum(np.abs(q).max(axis=0), np.abs(desired).max(axis=0))
+    travel = np.abs(skeleton.positions(np.concatenate([q, desired]))).max(axis=0)
     return SampledRun(times, actual, ideal, skeleton.tips(actual), skeleton.tips(ideal), travel)
 
 

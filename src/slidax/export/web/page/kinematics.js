@@ -8,7 +8,7 @@ export class Kinematics {
     this.links = arm.kinematics.map(link => ({ ...link, frame: placed(link.origin) }));
     this.tip = arm.tip;
     this.root = upright(arm.up ?? [0, 0, 1]);
-    this.joints = this.links.filter(link => link.joint !== null).length;
+    this.joints = arm.joints;
   }
 
   /* Frame of each link in the world, for the joint positions in `q` from `offset` on; non-finite ones count as 0. */
@@ -18,7 +18,8 @@ export class Kinematics {
       let frame = times(link.parent < 0 ? this.root : frames[link.parent], link.frame);
       if (link.joint !== null && link.type !== "fixed") {
         const found = q[offset + link.joint];
-        const value = Number.isFinite(found) ? found : 0;
+        const own = Number.isFinite(found) ? found : 0;
+        const value = link.follows ? link.follows.ratio * own + link.follows.offset : own;
         const [x, y, z] = link.axis;
         frame = times(frame, link.type === "prismatic" ? moved(x * value, y * value, z * value) : turned(link.axis, value));
       }

@@ -133,7 +133,7 @@ export class Playground {
   }
 
   jointLinks(arm) {
-    return this.arm(arm).kinematics.filter(link => link.joint !== null).sort((a, b) => a.joint - b.joint);
+    return this.arm(arm).kinematics.filter(link => link.joint !== null && !link.follows).sort((a, b) => a.joint - b.joint);
   }
 }
 
