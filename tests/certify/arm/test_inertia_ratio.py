@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slidax.certify import certify
 from slidax.certify.arm import inertia_ratio
+from slidax.scenarios import load
 from tests.soundness.linear_arm import demand, scenario
 
 # Each joint by itself is as with the exact inertia: κ is 1.
@@ -43,3 +45,17 @@ def test_coupled_loops_are_refused_if_one_matrix_makes_them_grow(case, coupled):
     verdict = inertia_ratio(case, replace(coupled, matrices=np.stack([NEAR, FAR])))
     assert verdict.holds is False and np.max(verdict.bound["radius"]) < 1.0 < verdict.bound["radius_together"]
     assert verdict.margin is not None and verdict.margin < 0.0
+
+
+def test_inertia_ratio_does_not_apply_to_drives_with_a_lag():
+    # This run leaves its envelope, and the loops without the lag are stable.
+    scenario = load("example-4.2-1khz", {"actuator.time_constant": 0.01})
+    verdict = certify(scenario, runs=0)["inertia_ratio"]
+    assert verdict.holds is None and "`actuator.time_constant: 0`" in verdict.statement
+
+
+def test_inertia_ratio_assumes_regular_samples_of_a_sensor_that_loses_some():
+    scenario = load("example-4.1-1khz", {"sensor.loss.probability": 0.1, "sensor.jitter": 0.5})
+    lines = certify(scenario, runs=0)["inertia_ratio"].assumptions
+    (assumed,) = [line for line in lines if "every sample arrives" in line.text]
+    assert assumed.status == "assumed" and "`sensor.loss` and `sensor.jitter`" in assumed.text

@@ -223,14 +223,21 @@ def chatter(period: float) -> float:
     return float(np.abs(np.diff(tau[-len(tau) // 10 :], axis=0)).max())
 
 
-def test_sampled_double_integrator_is_stable_exactly_below_the_period_limit():
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        surface, layer = np.exp(rng.uniform(-2, 9, 2))
-        h = 2.0 / (surface + layer) * rng.uniform(0.5, 1.5)
-        feedback = np.array([[surface * layer, surface + layer]])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_sampled_double_integrator_is_stable_exactly_below_the_limit_of_the_printed_period(seed):
+    scenario = constant(seed, **{"scheme.reaching.layer": 0.05})
+    limit = printed_period(scenario).bound["limit"]
+    # Near e = 0 the law is a = -(Λ + b) ė - Λ b e with Λ = φ'(0) β, eqs. (30) and (26), and b = u/(s0 M).
+    scheme = scenario.controller
+    surface, ends = scheme.surface, scheme.transformation
+    l1 = (surface.p**2 / 2 - 5 * surface.p / 2 + 3) * surface.delta ** (surface.p - 1)
+    slope = float(surface.k1 * l1 * (1 / ends.overshoot + 1) / ends.performance.final)
+    layer = float(scheme.bound.b0 + scheme.bound.margin) / (0.05 * INERTIA)
+    for share in (0.5, 0.999, 1.001, 1.5):
+        h = share * limit
+        feedback = np.array([[slope * layer, slope + layer]])
         loop = np.array([[1, h], [0, 1]]) - np.array([[h * h / 2], [h]]) @ feedback
-        assert (np.abs(np.linalg.eigvals(loop)).max() < 1) == (h < 2.0 / (surface + layer))
+        assert (np.abs(np.linalg.eigvals(loop)).max() < 1) == (share < 1.0)
 
 
 @pytest.mark.full
@@ -247,3 +254,29 @@ def test_run_chatters_beyond_the_certified_period():
     limit = printed_period(load("example-4.1")).bound["period"]
     calm = chatter(0.5 * limit)
     assert chatter(limit) < 20 * calm < chatter(1.1 * limit)
+
+
+@pytest.mark.parametrize("changes", [{"actuator.dead_time": 0.002}, {"actuator.time_constant": 0.01}])
+def test_a_drive_that_delays_the_torque_fails_an_assumption_of_the_ultimate_bound(changes):
+    assert ultimate_bound(load("example-4.2")).holds
+    verdict = ultimate_bound(load("example-4.2", changes))
+    assert verdict.holds is False
+    (path,) = changes
+    failing = [line.text for line in verdict.assumptions if line.status == "fails"]
+    assert [f"the drives deliver the torque at once; the scenario has `{path}`"] == failing
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"sensor.delay": 3.0}, "`sensor`"),
+        ({"actuator.dead_time": 3.0}, "`actuator.dead_time`"),
+        ({"actuator.time_constant": 0.01}, "`actuator.time_constant`"),
+        ({"transmission": {"elasticity": {"stiffness": 1000.0}}}, "elastic joints"),
+    ],
+)
+def test_printed_period_does_not_apply_to_a_loop_with_delays_or_elastic_joints(changes, named):
+    held = {"simulation.mode": "held", "simulation.period": 1.25e-4}
+    assert printed_period(load("example-4.1", held)).holds
+    verdict = printed_period(load("example-4.1", held | changes))
+    assert verdict.holds is None and named in verdict.statement

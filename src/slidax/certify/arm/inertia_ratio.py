@@ -78,6 +78,7 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
         ),
         *together.listed,
         Assumption("near e = 0, with s⁺ = 0 and a steep sliding surface, the loop of a joint is linear", "assumed"),
+        *_irregular_samples(scenario),
         *learning,
     ]
     after = any("afterwards" in line.text and line.status != "fails" for line in learning)
@@ -101,6 +102,17 @@ def inertia_ratio(scenario: Scenario, demand: Demand) -> Verdict:
     return Verdict(NAME, TITLE, holds, margin, bound, assumptions, says, remedies)
 
 
+def _irregular_samples(scenario: Scenario) -> list[Assumption]:
+    """Return the assumption of regular samples if the scenario's sensor loses some or varies their delay."""
+    sensor = scenario.description.sensor
+    lossy = sensor.loss.probability or sensor.loss.outages or sensor.loss.trace
+    names = [name for name, present in (("`sensor.loss`", lossy), ("`sensor.jitter`", sensor.jitter)) if present]
+    if not names:
+        return []
+    text = f"every sample arrives, after the same delay; the loops are without {' and '.join(names)} of the scenario"
+    return [Assumption(text, "assumed")]
+
+
 def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...]] | str:
     """Return the law and the linear loops of its joints, or the reason why the law has no linear loops."""
     law = scenario.controller
@@ -119,6 +131,11 @@ def linear_loops(scenario: Scenario) -> tuple[SampledData, tuple[LinearLoop, ...
         return "the law evaluates its model at mid-period, or compensates viscous friction: see `tracking_bound`"
     if scenario.description.sensor.instrument is not None:
         return "the sensor is not an encoder"
+    if np.any(np.asarray(scenario.description.actuator.time_constant) != 0.0):
+        return (
+            "the drives lag, which the loops here do not: set `actuator.time_constant: 0`, and add the lag to "
+            "`sensor.delay`"
+        )
     loops = joint_loops(scenario)
     linear = tuple(loop for loop in loops if loop is not None)
     if len(linear) < len(loops):

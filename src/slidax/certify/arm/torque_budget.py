@@ -8,6 +8,7 @@ from zlib import crc32
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from slidax.analysis.cause import Remedy
@@ -118,7 +119,9 @@ def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns
     def case(base: Scenario, values: Any) -> Scenario:
         numbers, q, dq = values
         remaining = iter(numbers)
-        arrays = [next(remaining) if differs else some[0] for some, differs in zip(stacked, varies, strict=True)]
+        arrays = [
+            next(remaining) if differs else jnp.asarray(some[0]) for some, differs in zip(stacked, varies, strict=True)
+        ]
         robot, disturbance, load = eqx.combine(jax.tree.unflatten(tree, arrays), rest)
         own: Any = base.plant if isinstance(base.plant, Plant) else base.plant.own
         plant = Plant(robot, disturbance, own.sensor, own.actuator, load)

@@ -217,6 +217,13 @@ def masses_at(robot: AbstractRobot, q: Floats) -> Floats:
     return inertia_and_bias(robot, np.asarray(q, float), np.zeros_like(q))[0]
 
 
+def drive_delays(scenario: Scenario) -> str:
+    """Return the delays of a scenario's drives in words, such as "`actuator.dead_time`"; empty without one."""
+    drives = scenario.description.actuator
+    delays = {"dead_time": drives.dead_time, "time_constant": np.any(np.asarray(drives.time_constant) != 0.0)}
+    return " and ".join(f"`actuator.{name}`" for name, present in delays.items() if present)
+
+
 def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tuple[Assumption, ...]:
     """Return the assumptions of continuous time, exact measurements, unlimited torque and a start in the envelope.
 
@@ -241,8 +248,11 @@ def continuous_premises(printed: PrintedLaw, *, unit_vector: bool = True) -> tup
         assumptions.append(
             Assumption("positions and velocities are measured exactly; the scenario has a sensor", "fails")
         )
+    delays = drive_delays(scenario)
+    if delays:
+        assumptions.append(Assumption(f"the drives deliver the torque at once; the scenario has {delays}", "fails"))
     limits: TorqueLimits | None = None if own.actuator is None else getattr(own.actuator, "limits", None)
-    if limits is None or bool(np.isinf(np.asarray(limits.torque)).all()):
+    if limits is None or all(np.isinf(np.asarray(most)).all() for most in (limits.torque, limits.rate)):
         assumptions.append(Assumption("the drives deliver any torque: no limit is given", "assumed"))
     else:
         assumptions.append(Assumption("the torque stays within the drives' limits, see `torque_budget`", "assumed"))

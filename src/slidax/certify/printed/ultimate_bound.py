@@ -17,7 +17,7 @@ from slidax.scenarios.scenario import Scenario
 from ..arm.members import corner_scenarios
 from ..certificate import ARM, WORLD, Assumption, Verdict, certificate, joint_values
 from ..sampled_scenario import BatchedFunction, Floats, SampledReference
-from .printed_law import PrintedLaw, continuous_premises
+from .printed_law import PrintedLaw, continuous_premises, drive_delays
 
 ULTIMATE_BOUND = "ultimate_bound", "the final error has a bound"
 
@@ -242,7 +242,7 @@ in docs/tutorials/reproduce-the-paper.md).
 """
 
 
-@certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "scheme", "simulation"))
+@certificate(*PRINTED_PERIOD, covers=ARM, reads=(*WORLD, "sensor", "transmission", "scheme", "simulation"))
 def printed_period(scenario: Scenario) -> Verdict:
     """Check that the paper's law is stable near e = 0 with its torque held over a period h.
 
@@ -259,6 +259,14 @@ def printed_period(scenario: Scenario) -> Verdict:
     layer = None if printed is None else printed.layer
     if printed is None or layer is None:
         return Verdict(*PRINTED_PERIOD, None, None, {}, (), "it applies only to printed laws with u s/(‖s‖ + s0)")
+    delays = drive_delays(scenario)
+    plant = scenario.plant
+    if delays or getattr(plant, "own", plant).sensor is not None:
+        text = (
+            "not applicable: its limit holds for exact measurements and a torque that acts at once; the scenario has "
+            f"{delays or 'a `sensor`'}, with which `statistical` tests the loop"
+        )
+        return Verdict(*PRINTED_PERIOD, None, None, {}, (), text)
     if layer == 0.0 or isinstance(printed.law.reaching, TwoPowerReaching):
         limits = {"period": 0.0, "limit": 0.0, "surface": _limits(printed, scenario, np.inf)[1], "layer": 0.0}
     else:
