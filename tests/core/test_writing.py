@@ -65,6 +65,8 @@ def test_files_that_slidax_did_not_write_are_not_removed(tmp_path: Path) -> None
     names = ("x.tmp", ".slidax-.tmp", ".slidax-a-b-c.tmp", "000000000000-64.tmp77", ".slidax-host-1-0123456789ab.tmpx")
     for name in names:
         (tmp_path / name).write_text("mine")
+        # Old enough to be removed, even if the name were that of another machine's file.
+        os.utime(tmp_path / name, (time.time() - 3700,) * 2)
     remove_leftovers(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
 

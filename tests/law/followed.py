@@ -43,5 +43,5 @@ def accelerated(acceleration):
 
 
 def swinging(t):
-    """A motion whose disturbance is the sine itself, with the opposite sign."""
+    """A motion whose disturbance is its position with the opposite sign."""
     return State(q=jnp.stack([jnp.sin(t), jnp.cos(t)]), dq=jnp.stack([jnp.cos(t), -jnp.sin(t)]))

@@ -60,7 +60,7 @@ def test_unmodelled_weight_of_a_swinging_payload_does_not_bias_the_rotor_inertia
     np.testing.assert_allclose(learnt.rotor[-1], TRUE, rtol=0.05)
 
 
-def test_at_rest_the_estimates_stay_unchanged():
+def test_the_estimates_stay_unchanged_at_rest():
     torque = swept(1.0)
     q, dq = motion(torque, TRUE, 0.0)
     _, learnt = taught(learning(), rounded(q), dq, torque)
@@ -212,7 +212,7 @@ HOURS = {
         [there for k in range(180) for there in ((HOME, AWAY) if k % 2 == 0 else (AWAY, HOME))],
     ),
 }
-"""Times and places, at rest at each: standing still after a motion, 1e-4 rad/s after it, a motion every 20 s."""
+"""Times and postures of rest: a hold after a motion, a creep at about 1e-4 rad/s after it, and a motion every 20 s."""
 
 
 @pytest.mark.full

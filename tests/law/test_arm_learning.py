@@ -63,7 +63,7 @@ def test_a_model_in_use_gives_the_arm_its_payload_and_links():
 
 
 @pytest.mark.parametrize("rotor", [0.05, 0.0])
-def test_once_the_arms_model_is_fully_used_the_joints_learn_on_from_its_inertias_and_friction(rotor):
+def test_joints_take_over_inertias_and_friction_of_the_arms_model_once_it_is_fully_used(rotor):
     adaptation, still = learner(), jnp.zeros(2)
     memory, links = adaptation.init(State(q=still, dq=still)), np.asarray(ARM.mass(still))
     # A payload with a moment and an inertia, which may have taken the rotors' share.
@@ -109,11 +109,11 @@ def test_a_heavy_joint_gets_its_own_noise_unless_a_scenario_states_one():
     stated = f"{next(iter(ARM_LEARNING))}.noise"
     np.testing.assert_array_equal(noise(**{stated: 0.3}), 0.3)
     np.testing.assert_array_equal(noise(**{stated: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]})[3], 0.4)
-    with pytest.raises(DefinitionError, match="noise"):
+    with pytest.raises(DefinitionError, match=r"noise: must be one number or one for each of the 6 joints; got 2"):
         noise(**{stated: [0.1, 0.2]})
 
 
-def test_a_lost_payload_is_found_by_the_torque_that_it_took():
+def test_a_lost_payload_is_recognised_by_its_missing_torque():
     noise, carried = learner().noise ** 2, jnp.array([4.0, -1.0])
     heard = jnp.ones(2, bool)
     for share, least in ((1.0, 1.0), (0.6, 0.6), (1.5, 1.0)):
@@ -153,7 +153,7 @@ def slow_and_fast(t):
 
 
 @pytest.mark.full
-def test_stribeck_friction_and_ripple_are_learnt_where_they_are_asked_for():
+def test_stribeck_friction_and_ripple_are_learnt_from_a_motion_with_reversals():
     times = PERIOD * np.arange(12000)
     excess, cosine, sine = jnp.array([0.3, 0.1]), jnp.array([0.2, -0.1]), jnp.array([-0.1, 0.15])
 
@@ -230,9 +230,9 @@ def test_two_compensations_of_viscous_friction_are_refused():
         sampled_data(ComputedTorque(ARM, 100.0, 20.0), period=1e-3, adaptation=learner(), viscous_feedforward=True)
 
 
-def test_the_windows_of_a_scenario_have_its_period_and_a_known_arm_its_payload():
-    slow = load("ur5e-payload", ARM_LEARNING).controller.adaptation
-    assert slow.samples == 5
+def test_a_scenario_sets_the_samples_of_a_window_and_the_payload_of_a_known_arm():
+    # 10 ms at the sample time of 2 ms.
+    assert load("ur5e-payload", ARM_LEARNING).controller.adaptation.samples == 5
     body = [1.0, *[0.0] * 9]
     known = load("panda-payload", {"scheme.sampled_data.adaptation": {"kind": "known_arm", "payload": body}})
     np.testing.assert_array_equal(known.controller.adaptation.payload, body)
@@ -240,11 +240,11 @@ def test_the_windows_of_a_scenario_have_its_period_and_a_known_arm_its_payload()
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "most"), [("panda-payload", 2e-5), ("ur5e-payload", 1e-4)])
-def test_the_steady_error_is_a_fifth_of_that_of_the_joints_learning(name, most):
+def test_the_steady_error_is_less_than_a_third_of_that_with_joint_learning(name, most):
     learnt = np.asarray(load(name, ARM_LEARNING).simulate(log_every=1).log.e)
-    today = np.asarray(load(name).simulate(log_every=1).log.e)
+    of_joints = np.asarray(load(name).simulate(log_every=1).log.e)
     half = len(learnt) // 2
-    error, before = np.abs(learnt[half:]).max(), np.abs(today[half:]).max()
+    error, before = np.abs(learnt[half:]).max(), np.abs(of_joints[half:]).max()
     assert error < most and error < before / 3.0
 
 
@@ -272,7 +272,7 @@ def test_the_first_model_is_not_given_up_while_the_error_falls():
 
 
 @pytest.mark.full
-def test_after_pushes_the_error_is_soon_as_small_as_before():
+def test_the_error_after_pushes_is_soon_as_small_as_before():
     run = load("panda-payload", {**ARM_LEARNING, **PUSHED}).simulate(log_every=1)
     error = np.abs(np.asarray(run.log.e)).max(axis=1)
     assert error[3000:4000].max() < 2e-5 and error[-1000:].max() < 2e-5

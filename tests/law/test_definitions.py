@@ -9,6 +9,7 @@ from slidax.core.types import Command, State
 from slidax.law import (
     AbstractController,
     ComputedTorque,
+    JointLearning,
     Linear,
     LinearCoreFixedTime,
     Measured,
@@ -23,8 +24,6 @@ from tests.paper_examples import SCARA, law_4_1
 from tests.rivals import (
     anftsmc_4_2,
     computed_torque_4_1,
-    ftsmc_4_1,
-    ftsmppc_4_1,
     gravity_pd_4_1,
     nftsmc_4_2,
     pid_4_1,
@@ -121,27 +120,24 @@ def test_parameter_error_names_field_rule_value_and_joint(make, field, value, ru
 
 
 @pytest.mark.parametrize(
-    ("make", "change"),
+    ("make", "change", "name"),
     [
-        (ftsmc_4_1, {"k1": [1.0, 1.0, 1.0]}),
-        (ftsmc_4_1, {"gain": np.eye(3)}),
-        (ftsmppc_4_1, {"overshoot": [0.2, 0.2, 0.2]}),
-        (sfsmc_4_2, {"c1": [1.0, 1.0]}),
-        (sfsmc_4_2, {"k1": [1.0, 1.0]}),
-        (nftsmc_4_2, {"gain": [1.0, 1.0]}),
-        (anftsmc_4_2, {"k2": [1.0, 1.0]}),
-        (slotine_li_4_1, {"gain": [1.0, 1.0, 1.0], "damping": 1.0}),
-        (slotine_li_4_1, {"surface": Linear([1.0, 1.0, 1.0])}),
-        (super_twisting_4_2, {"k1": [1.0, 1.0]}),
-        (super_twisting_4_2, {"surface": Linear([1.0, 1.0])}),
-        (computed_torque_4_1, {"kp": [1.0, 1.0, 1.0]}),
-        (computed_torque_4_1, {"kd": np.eye(2)}),
-        (gravity_pd_4_1, {"kd": [1.0, 1.0, 1.0]}),
-        (pid_4_1, {"limit": [1.0, 1.0, 1.0]}),
+        (sfsmc_4_2, {"c1": [1.0, 1.0]}, "SingularityFree.c1"),
+        (sfsmc_4_2, {"k1": [1.0, 1.0]}, "TwoPowerReaching.k1"),
+        (nftsmc_4_2, {"gain": [1.0, 1.0]}, "NonsingularFastTerminal.gain"),
+        (anftsmc_4_2, {"k2": [1.0, 1.0]}, "AdaptiveNonsingularFastTerminal.k2"),
+        (slotine_li_4_1, {"gain": [1.0, 1.0, 1.0], "damping": 1.0}, "SlotineLi.gain"),
+        (slotine_li_4_1, {"surface": Linear([1.0, 1.0, 1.0])}, "Linear.rate"),
+        (super_twisting_4_2, {"k1": [1.0, 1.0]}, "SuperTwisting.k1"),
+        (super_twisting_4_2, {"surface": Linear([1.0, 1.0])}, "Linear.rate"),
+        (computed_torque_4_1, {"kp": [1.0, 1.0, 1.0]}, "ComputedTorque.kp"),
+        (computed_torque_4_1, {"kd": np.eye(2)}, "ComputedTorque.kd"),
+        (gravity_pd_4_1, {"kd": [1.0, 1.0, 1.0]}, "GravityCompensatedPD.kd"),
+        (pid_4_1, {"limit": [1.0, 1.0, 1.0]}, "JointPID.limit"),
     ],
 )
-def test_gains_of_the_wrong_shape_are_refused(make, change):
-    with pytest.raises(DefinitionError, match=r"has \d joints|one number or one per joint|\d entries"):
+def test_gains_of_the_wrong_shape_are_refused(make, change, name):
+    with pytest.raises(DefinitionError, match=rf"^`{name}` has shape \[.*\], but (TwoLink has 2|Scara has 3) joints"):
         make(**change)
 
 
@@ -184,3 +180,26 @@ def test_a_law_without_a_nominal_robot_has_no_sampled_data_form():
 def test_an_estimator_for_another_number_of_joints_is_refused():
     with pytest.raises(DefinitionError, match="`Measured` does not fit the 2 joints of TwoLink"):
         sampled_data(law_4_1(), period=1e-3, estimator=Measured([0.1, 0.2, 0.3]))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"period": -1e-3}, "`period` must be finite and > 0 s; got -0.001"),
+        ({"period": NAN}, "`period` must be finite"),
+        ({"period": 1e-3, "delay": NAN}, "`delay` must be finite and >= 0 periods"),
+        ({"period": 1e-3, "delay_at_most": -1.0}, "`delay_at_most` must be finite"),
+    ],
+)
+def test_an_invalid_time_of_a_sampled_data_law_is_refused_by_its_own_name(options, words):
+    with pytest.raises(DefinitionError, match=words):
+        sampled_data(law_4_1(), **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("torque", NAN), ("torque", 0.0), ("deviation", NAN), ("deviation", -1e-5)]
+)
+def test_joint_learning_refuses_an_invalid_rated_torque_or_encoder_noise(name, value):
+    options = {"rotors": None, "torque": 80.0, "deviation": 1e-5, "period": 1e-3} | {name: value}
+    with pytest.raises(DefinitionError, match="rated torque" if name == "torque" else "standard deviation"):
+        JointLearning.of_arm(np.eye(2), **options)

@@ -74,8 +74,8 @@ def test_psi_increases_strictly(x, y, overshoot, sign):
     assert low < high
 
 
-@given(st.floats(-1e300, 1e300), overshoots, signs)
-def test_for_any_transformed_error_the_true_error_is_within_its_bounds(x, overshoot, sign):
+@given(st.one_of(lines, st.floats(-1e300, 1e300)), overshoots, signs)
+def test_psi_of_any_transformed_error_is_within_its_bounds(x, overshoot, sign):
     """Proposition 4: (22) guarantees (12), up to rounding at the bounds themselves."""
     b, b_bar = sides(overshoot, sign)
     assert b <= float(forward(jnp.array([x]), as_sides(overshoot, sign))[0]) <= b_bar

@@ -1,3 +1,5 @@
+"""Recursive least squares over windows of samples: motion and noise of a window, estimates and covariances."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np

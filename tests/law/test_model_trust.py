@@ -148,7 +148,7 @@ def test_the_last_good_model_returns_when_a_long_push_ends(in_use):
     assert pushed.share == 0.0 and restored.has_good
 
 
-def test_the_last_good_model_replaces_one_that_was_learnt_in_a_push_before_that_one_is_used(in_use):
+def test_the_last_good_model_replaces_a_model_learnt_in_a_push_before_its_use(in_use):
     pushed, _ = judged(in_use, LASTING + 0.1, innovation=3.0, of_good=3.0)
     learnt = pushed
     while learnt.relearns:
@@ -156,7 +156,7 @@ def test_the_last_good_model_replaces_one_that_was_learnt_in_a_push_before_that_
     assert learnt.share == 0.0 and learnt.since < PROBATION - CONFIRMED
     after, verdicts = judged(learnt, CONFIRMED + 0.05, innovation=0.3, of_good=0.01)
     assert any(bool(verdict.restores) for verdict in verdicts) and not after.relearns
-    # A payload that was grasped stays: by the earlier model its windows are loud, and rest says nothing.
+    # A grasped payload stays in the model: its windows are loud for the earlier model, and rest is no evidence.
     for heard, of_good in ((True, 3.0), (False, 0.0)):
         more = judged(learnt, 0.5, innovation=0.01, of_good=of_good, heard=heard)[1]
         assert not any(bool(verdict.restores) for verdict in more)
@@ -177,7 +177,7 @@ def test_a_new_model_is_used_only_after_its_probation():
     assert judged(first, PROBATION + 0.3, innovation=0.01)[0].share == 1.0
 
 
-def test_a_push_moves_a_model_that_is_still_learnt_only_a_little(in_use):
+def test_a_push_hardly_changes_a_model_that_is_still_being_learnt(in_use):
     young, _ = judged(Trust.init(2, VARIANCE), 0.8, innovation=0.05, certain=NO)
     old, _ = judged(young, PROVEN, innovation=0.05, certain=NO)
     usual = float(old.usual[0])
@@ -187,7 +187,7 @@ def test_a_push_moves_a_model_that_is_still_learnt_only_a_little(in_use):
     np.testing.assert_array_equal(in_use.weights(squares, NO), 1.0)
     np.testing.assert_array_equal(in_use.weights(squares, YES), 0.0)
     np.testing.assert_array_equal(eqx.tree_at(lambda t: t.loud, in_use, -STEP).weights(squares, YES), 1.0)
-    # A push opens no covariance, what lasts does.
+    # A push does not enlarge the covariance, but a lasting change does.
     pushed, verdicts = judged(old, LASTING - 0.05, innovation=3.0, certain=NO)
     assert pushed.since > PROVEN and not any(bool(verdict.opens) for verdict in verdicts)
     assert any(bool(verdict.opens) for verdict in judged(pushed, 0.1, innovation=3.0, certain=NO)[1])
@@ -224,5 +224,5 @@ def test_a_change_of_friction_is_recognised_by_the_direction_of_motion(in_use):
     # Friction stays between zero and its limit.
     for coulomb in ((0.5, 0.2), (3.4, 0.5)):
         assert not recognised(lambda direction, k: jnp.array([0.7, -0.3]) * direction, coulomb=coulomb)[0]
-    # The sums begin with the first loud window: the quiet ones before it are not of the change.
+    # The sums begin with the first loud window, since earlier quiet windows do not show the change.
     assert recognised(lambda direction, k: jnp.array([0.7, 0.0]) * float(k >= 20))[0]

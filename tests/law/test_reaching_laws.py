@@ -32,7 +32,7 @@ def test_switching_direction_without_a_boundary_layer_is_the_unit_vector():
     np.testing.assert_allclose(FixedTimeReaching(0.1, 1.2).switching_direction(jnp.asarray(S)), [0.6, -0.8], rtol=1e-15)
 
 
-def test_switching_direction_with_a_boundary_layer_is_shorter_than_1():
+def test_switching_direction_with_a_boundary_layer_is_s_over_its_length_plus_the_layer():
     direction = FixedTimeReaching(0.1, 1.2, 0.05).switching_direction(jnp.asarray(S))
     np.testing.assert_allclose(direction, S / 0.55, rtol=1e-15)
 
@@ -58,12 +58,6 @@ def test_the_robust_torque_covers_the_uncertainty_within_its_bound():
         known = 12.0 + 2.2 * np.linalg.norm(q) + 2.8 * np.linalg.norm(dq) ** 2
         total = np.linalg.norm(tau - u * direction)
         assert u >= known + float(BOUND.gamma) * total + 1.0 - 1e-9
-
-
-def test_the_robust_torque_has_finite_gradients_at_rest_without_torque():
-    state = State(q=jnp.zeros(2), dq=jnp.zeros(2))
-    gradient = jax.grad(lambda b, s, tau: b(s, tau), argnums=(0, 1, 2))(BOUND, state, jnp.zeros(2))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
 CASES = 4000

@@ -8,7 +8,7 @@ from slidax.law import LinearCoreFixedTime
 from tests.enrolled import assert_finite, every
 from tests.law.members import SURFACES, SURFACES_LIKE_OTHERS
 
-# The older surface has a kink, so tests of smoothness apply only to the others.
+# The slope of the surface with a linear core jumps, so tests of smoothness apply only to the others.
 SMOOTH = [(name, member) for name, member in SURFACES if not isinstance(member, LinearCoreFixedTime)]
 EVERY = every("surface", SURFACES, full=SURFACES_LIKE_OTHERS)
 GRID = np.concatenate([np.linspace(-3.0, 3.0, 1201), np.linspace(-0.02, 0.02, 801)])

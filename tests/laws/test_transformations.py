@@ -94,7 +94,7 @@ def test_zero_error_has_a_zero_transformed_error_and_lies_inside_the_envelope(tr
 
 
 @every("transformation", ENVELOPED, full=TRANSFORMATIONS_LIKE_OTHERS)
-def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_radius(transformation):
+def test_alpha_is_not_negative_and_beta_exceeds_twice_the_inverse_initial_radius(transformation):
     """Proposition 5, at random errors inside the envelope and at random times."""
     rng = np.random.default_rng(0)
     memory = transformation.init(jnp.asarray(0.0), STARTS[1])

@@ -1,6 +1,5 @@
 """Minimum-jerk motion through waypoints: its optimality and its continuity."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,16 +35,6 @@ def test_fifth_derivative_jumps_at_the_inner_knots():
 def test_the_motion_is_at_rest_at_both_ends(order):
     ends = np.array([TIMES[0] + 1e-12, TIMES[-1] - 1e-12])
     np.testing.assert_allclose(derivative(MOTION, order, ends), 0.0, atol=1e-8)
-
-
-def test_the_motion_stands_still_outside_its_times():
-    for t in (-1.0, 0.0, TIMES[0] - 1e-9):
-        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), PLACES[0], atol=1e-12)
-    for t in (TIMES[-1] + 1e-9, 10.0):
-        np.testing.assert_allclose(MOTION.position(jnp.asarray(t)), PLACES[-1], atol=1e-12)
-    outside = np.array([-1.0, 0.4, 3.2, 10.0])
-    for order in (1, 2):
-        np.testing.assert_array_equal(derivative(MOTION, order, outside), 0.0)
 
 
 @settings(max_examples=25)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slidax.core.errors import DefinitionError
-from slidax.motions import MinimumJerk, Sinusoid, Tabulated, Trapezoidal
+from slidax.motions import MinimumJerk, Tabulated, Trapezoidal
 from slidax.motions.trajectory import AbstractPiecewisePolynomial
 from tests.enrolled import every
 
@@ -98,7 +98,6 @@ def test_until_is_the_end_of_the_motion():
     assert ends["constant"] == 0.0
     assert ends["exponential_sum"] == ends["sinusoid"] == np.inf
     assert ends["tabulated"] == 3.1
-    assert Sinusoid([0.0], 1.0, 1.0).until == np.inf
 
 
 def test_motions_with_equal_numbers_of_knots_can_be_batched():

@@ -43,7 +43,7 @@ def test_the_waypoints_are_passed_in_order_without_a_stop():
 
 @settings(max_examples=25)
 @given(st.floats(1e-3, 100.0), st.floats(0.1, 10.0), st.floats(0.1, 50.0), st.floats(1.0, 1000.0))
-def test_between_two_waypoints_the_time_is_that_of_the_closed_form(distance, velocity, acceleration, jerk):
+def test_the_time_between_two_waypoints_is_that_of_the_closed_form(distance, velocity, acceleration, jerk):
     """The quintic's velocity peaks at 15/8, its acceleration at 10/√3, its jerk at 60, in units of its own."""
     motion = MinimumJerk.within([[0.0], [distance]], velocity=velocity, acceleration=acceleration, jerk=jerk)
     expected = max(
@@ -74,8 +74,8 @@ def test_no_other_division_of_the_time_is_shorter_for_three_waypoints(seed):
         peaks = zip((1, 2, 3), limits.values(), strict=True)
         return max((motion.extremes(order).size.max() / limit) ** (1 / order) for order, limit in peaks)
 
-    every = min(shortest(share) for share in np.linspace(0.05, 0.95, 451))
-    assert every * (1 - 1e-3) <= duration <= every * (1 + 2e-4)
+    least = min(shortest(share) for share in np.linspace(0.05, 0.95, 451))
+    assert least * (1 - 1e-3) <= duration <= least * (1 + 2e-4)
 
 
 def test_seven_joints_through_twelve_waypoints_are_faster_than_with_a_stop_at_each():

@@ -78,7 +78,7 @@ def test_no_stream_drives_the_motion_beyond_its_limits(seed):
     stream, t, targets = random_stream(np.random.default_rng(seed))
     targets[0] = np.clip(targets[0], 0.0, stream.upper)
     motion = Streamed.through(t, targets, stream)
-    # Of the polynomials, so at every time and not only at the samples.
+    # The polynomials' extremes hold at every time, not only at the samples.
     for order, bound in enumerate((stream.velocity, stream.acceleration, stream.jerk), start=1):
         assert (motion.extremes(order).size <= np.asarray(bound) * (1 + 1e-9)).all()
     reach, slack = motion.extremes(0), 1e-9 * np.asarray(stream.upper)
@@ -119,7 +119,7 @@ def test_interpolation_between_the_positions_of_a_slow_stream_reduces_the_jerk()
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"bandwidth": 2000.0}, "at most 1/`period`"),
+        ({"bandwidth": 2000.0}, "bandwidth` must be at most 1/`period`"),
         ({"jerk": 20.0}, "at least `bandwidth \\* acceleration` = 150"),
         ({"jerk": 2e4}, "at most `2 \\* acceleration / period`"),
         ({"velocity": 0.0}, "velocity` must be > 0"),
@@ -147,14 +147,24 @@ def test_a_recorded_stream_with_a_position_that_is_not_finite_is_refused_with_it
         Streamed.through([0.0, 0.5, 1.0], [[0.0], [np.nan], [0.2]], fitting())
 
 
+def test_a_stream_of_too_many_samples_is_refused():
+    with pytest.raises(DefinitionError, match="check the unit of its times"):
+        Streamed.through([0.0, 1e6], [[0.0], [0.1]], fitting())
+
+
+def test_a_filter_with_an_empty_position_range_is_refused():
+    with pytest.raises(DefinitionError, match=r"`StreamFilter\.upper` must be at least `lower`"):
+        fitting(lower=1.0, upper=0.5)
+
+
 STREAM = "time,shoulder,elbow\n0,-0.4,2.5\n0.5,-0.2,2.4\n1,0.0,2.2\n1.5,0.0,2.2\n"
 
 
-def streamed(name="example-4.1-1khz", **options):
+def streamed(**options):
     described = {"kind": "streamed", "text": STREAM, "bandwidth": 15.0, "velocity": 2.0, "acceleration": 4.0} | options
     described["joints"] = ["shoulder", "elbow"]
     changes = {"trajectory": described, "start.q": [-0.4, 2.5], "simulation.t1": 2.0}
-    return scenarios.load(name, changes)
+    return scenarios.load("example-4.1-1khz", changes)
 
 
 def test_a_scenario_follows_a_stream_and_reports_its_lag():

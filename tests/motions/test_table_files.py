@@ -138,7 +138,7 @@ def test_a_length_unit_for_a_revolute_joint_is_refused():
         ("a [deg],a.velocity [deg/s],a.acceleration", r"such as `a.acceleration \[rad/s2\]`"),
     ],
 )
-def test_contradicting_units_of_positions_and_velocities_are_refused(titles, words):
+def test_contradicting_or_missing_units_of_velocities_and_accelerations_are_refused(titles, words):
     units = ["rad"] if titles.startswith("a,") else []
     with pytest.raises(DefinitionError, match=words):
         Tabulated.from_csv(f"time,{titles}\n", joints=["a"], units=units)
@@ -158,7 +158,7 @@ def test_times_in_another_unit_cause_a_warning_and_are_read_with_time_unit(unit,
     np.testing.assert_allclose(Tabulated.from_joint_trajectory(data, time_unit=unit).times, t, rtol=1e-12)
 
 
-def test_contradictory_or_unknown_unit_is_an_error():
+def test_contradictory_or_unknown_time_unit_is_an_error():
     with pytest.raises(DefinitionError, match="has another unit than `time_unit`, ms"):
         Tabulated.from_csv("time [s],a\n0,1\n1,2\n", time_unit="ms")
     with pytest.raises(DefinitionError, match="`time_unit` must be one of s, ms, us, ns; got 'min'"):
@@ -256,7 +256,7 @@ def test_csv_errors_name_line_and_column(text, words):
     ("joints", "words"),
     [
         (["shoulder", "elbow", "wrist"], r"the text lacks the joint `wrist`; there are: `shoulder`, `elbow`\. If the"),
-        (["shoulder", "elbov"], "the text lacks the joint `elbov`; did you mean `elbow`?"),
+        (["shoulder", "elbov"], r"the text lacks the joint `elbov`; did you mean `elbow`\?"),
         (["hip", "knee"], r"lacks the joints `hip`, `knee`; .* list the file's names, in this order, as"),
         (["joint 1", "joint 2", "joint 3"], "moves 2 joints, `shoulder`, `elbow`, but the robot has 3"),
         (["shoulder", "elbow", "elbow"], "`joints` has the joint `elbow` more than once"),

@@ -43,13 +43,13 @@ def test_accelerations_give_quintics_with_these_accelerations_at_each_row():
 
 @pytest.mark.parametrize("columns", [1, 2, 3])
 def test_samples_of_a_motion_reproduce_the_motion(columns):
-    """The error is that of the interpolation, and so small where the rows are dense."""
+    """The interpolation error is small for dense rows."""
     original = MinimumJerk.through(TIMES, PLACES)
     t, q, dq, ddq = sampled(original, 401)
     dq[[0, -1]] = 0.0
     again = Tabulated.through(t, *(q, dq, ddq)[:columns])
     between = (t[1:] + t[:-1]) / 2
-    # Of a cubic the acceleration is off by the square of the spacing, times a twelfth of the fourth derivative.
+    # A cubic's acceleration error is the squared spacing times a twelfth of the fourth derivative.
     for order, accuracy in enumerate((1e-8, 1e-6, 2e-3 if columns == 2 else 1e-4)):
         np.testing.assert_allclose(
             derivative(again, order, between), derivative(original, order, between), atol=accuracy
@@ -68,19 +68,19 @@ def test_accuracy_does_not_depend_on_the_length_of_a_table(rows):
 
 
 MOVING = [
-    ("ramp", lambda t: t, "at its start|at its end", [1.0, 0.0]),
-    ("sine", lambda t: 0.5 * np.sin(2 * t), "at its start", [0.0, 1.0]),
-    ("cosine", lambda t: np.cos(3 * t), "at its end", [-0.84, 0.0]),
-    ("corner", lambda t: np.where(np.abs(t - 1.0) < 0.5, 0.5 - np.abs(t - 1.0), 0.0), "t = ", None),
+    ("ramp", lambda t: t, "at its (start, t = 0|end, t = 2) s"),
+    ("sine", lambda t: 0.5 * np.sin(2 * t), "at its start, t = 0 s"),
+    ("cosine", lambda t: np.cos(3 * t), "at its end, t = 2 s"),
+    ("corner", lambda t: np.where(np.abs(t - 1.0) < 0.5, 0.5 - np.abs(t - 1.0), 0.0), r"at t = (1|0\.9\d*) s"),
 ]
 
 
 @pytest.mark.parametrize("rows", [40, 64, 200, 2001])
-@pytest.mark.parametrize(("shape", "where"), [case[1:3] for case in MOVING], ids=[case[0] for case in MOVING])
+@pytest.mark.parametrize(("shape", "where"), [case[1:] for case in MOVING], ids=[case[0] for case in MOVING])
 def test_a_table_whose_velocity_jumps_is_refused(shape, where, rows):
     t = np.linspace(0.0, 2.0, rows)
     q = np.stack([np.zeros(rows), shape(t)], axis=1)
-    with pytest.raises(DefinitionError, match=f"the velocity of joint 2 jumps .*({where})"):
+    with pytest.raises(DefinitionError, match=f"the velocity of joint 2 jumps {where}"):
         Tabulated.through(t, q)
 
 
@@ -107,7 +107,7 @@ def test_a_velocity_jump_is_accepted_if_the_acceleration_limit_permits_it():
 
 @pytest.mark.parametrize("rows", [15, 40, 100, 1000])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_motion_that_does_not_jump_is_not_refused(seed, rows):
+def test_a_table_without_a_velocity_jump_is_accepted(seed, rows):
     generator = np.random.default_rng(seed)
     path = generator.normal(size=(generator.integers(2, 6), 3))
     smooth = MinimumJerk.within(path, velocity=2.0, acceleration=10.0)
@@ -116,14 +116,14 @@ def test_a_motion_that_does_not_jump_is_not_refused(seed, rows):
     if rows <= 100:
         q = np.round(q, 4)
     Tabulated.through(t, q)
-    # Acceleration jumps here, but velocity does not: four rows show how it changes.
+    # Here the acceleration jumps, but the velocity does not.
     fast = Trapezoidal.through(path[:2], velocity=2.0, acceleration=4.0)
     t, q, _, _ = sampled(fast, rows)
     Tabulated.through(t, q)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_taught_waypoints_are_not_refused_as_jumps(seed):
+def test_a_table_of_taught_waypoints_is_accepted(seed):
     generator = np.random.default_rng(seed)
     stays = generator.integers(1, 4, 15)
     path = np.repeat(generator.normal(size=(15, 6)), stays, axis=0)
@@ -215,6 +215,16 @@ def test_invalid_tables_are_errors(change, words):
         Tabulated.through(**arguments)
 
 
-def test_table_with_one_row_is_an_error():
-    with pytest.raises(DefinitionError, match="the table has 1 row: a motion needs two or more"):
-        Tabulated.through([0.0], [[1.0, 2.0]])
+@pytest.mark.parametrize(
+    ("build", "name"),
+    [
+        (lambda rows: Tabulated.through([0.0, 1.0], rows), "positions"),
+        (lambda rows: Tabulated.through(rows, [[0.0], [1.0]]), "times"),
+        (lambda rows: Tabulated.through([0.0, 1.0], [[0.0], [1.0]], velocities=rows), "velocities"),
+        (lambda rows: MinimumJerk.through(rows, [[0.0], [1.0]]), "MinimumJerk.times"),
+    ],
+)
+@pytest.mark.parametrize("rows", [[[0.0], [1.0, 2.0]], ["a", "b"]])
+def test_ragged_rows_and_text_are_refused_with_the_name_of_the_argument(build, name, rows):
+    with pytest.raises(DefinitionError, match=f"`{name}` must be numbers, or rows"):
+        build(rows)

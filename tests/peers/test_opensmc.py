@@ -296,7 +296,7 @@ def test_torques_and_sliding_variables_agree_with_opensmc(name):
     )
 
 
-def test_at_zero_error_the_nonsingular_law_differs_by_opensmcs_epsilon():
+def test_the_nonsingular_law_differs_by_opensmcs_epsilon_at_zero_error():
     """`β γ (1e-15)^(γ-1) ė` with β = 2, γ = 1.4: slidax's slope is zero there."""
     pair, de = NONSINGULAR_FAST_TERMINAL, 1.5
     rows = np.array([[0.2, de, 0.2, 0.0, 0.0]])

@@ -84,7 +84,7 @@ def test_diffrax_and_scipy_agree_with_each_other():
         pytest.param(runge_kutta_4, "held", (240, 480, 960), 1.0, 0.15),
     ],
 )
-def test_loop_converges_to_diffrax_and_scipy_at_the_order_of_its_step(integrator, mode, steps, order, room):
+def test_loop_converges_to_scipy_at_the_order_of_its_step(integrator, mode, steps, order, room):
     errors = [np.abs(simulated(END / n, integrator, mode) - exact()).max() for n in steps]
     assert orders(errors) == pytest.approx([order] * (len(steps) - 1), abs=room)
     assert errors[-1] < 1e-8 or order < 4.0
@@ -113,7 +113,7 @@ def exact_with_a_held_torque(periods):
     ("integrator", "substeps", "order", "room"),
     [(runge_kutta_4, (1, 2, 4, 8), 4.0, 0.3), (semi_implicit_euler, (32, 64, 128), 1.0, 0.1)],
 )
-def test_between_two_samples_the_plant_converges_at_the_order_of_its_step(integrator, substeps, order, room):
+def test_the_plant_converges_between_two_samples_at_the_order_of_its_step(integrator, substeps, order, room):
     exact_held = exact_with_a_held_torque(24)
     errors = [np.abs(simulated(END / 24, integrator, "held", substeps=m) - exact_held).max() for m in substeps]
     assert orders(errors) == pytest.approx([order] * (len(substeps) - 1), abs=room)

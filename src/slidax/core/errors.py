@@ -201,6 +201,22 @@ def as_array(value: Any) -> Array:
         raise DefinitionError(f"a number or a list of numbers is needed; got {short_repr(value)}") from error
 
 
+def float_array(name: str, value: Any) -> np.ndarray:
+    """Return numbers, or rows of numbers, as a NumPy array of floats.
+
+    - `name`: the field or argument, for the message.
+    - `value`: a number, a list of numbers, or a list of rows of equal length.
+
+    Raises DefinitionError for any other value.
+    """
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise DefinitionError(
+            f"`{name}` must be numbers, or rows of as many numbers each; got {short_repr(value)}"
+        ) from None
+
+
 def static_value(value: Any) -> Any:
     """Convert an array to NumPy, for checks of its values; return a traced array unchanged.
 

@@ -112,7 +112,7 @@ class Instruments:
                     f"`actuator_map`: the torque of joint {row + 1} in {source} per true torque of joint "
                     f"{column + 1} would be {float(row == column) + error[row, column]:.3g}, too far from "
                     f"{float(row == column):g} for a drive: check `--torque-scale`, `--torque-sign` and "
-                    "`--joint-order` first, without this option"
+                    "`--torque-order` first, without this option"
                 )
         if gravity is not None:
             size = np.linalg.norm(gravity)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.parameter import parameter
 from slidax.core.types import PerJoint, Scalar, State, Vector
 
@@ -197,11 +198,21 @@ class JointLearning(AbstractAdaptation):
         - `period`: h [s].
         - `parameters`: parameters that replace the computed ones.
 
-        Raises DefinitionError if a parameter is out of its range.
+        Raises DefinitionError if an argument or a parameter is out of its range.
         """
         inertia = np.diagonal(np.asarray(mass, float))
         counted = np.broadcast_to(np.asarray(0.0 if rotors is None else rotors, float), inertia.shape)
         rated = np.broadcast_to(np.asarray(torque, float), inertia.shape)
+        if not (rated > 0.0).all():
+            raise DefinitionError(
+                f"the rated torque must be > 0 N m or N, and inf where it is not known; got {short_repr(torque)}"
+            )
+        noise = np.asarray(deviation, float)
+        if not (np.isfinite(noise) & (noise >= 0.0)).all():
+            raise DefinitionError(
+                f"the standard deviation of a measured position must be finite and >= 0 rad or m; "
+                f"got {short_repr(deviation)}"
+            )
         rated = np.where(np.isfinite(rated), rated, USUAL_ACCELERATION * inertia)
         worst = float(np.max(deviation))
         low, high = float(parameters.get("low", 15.0)), 200.0

@@ -14,7 +14,7 @@ import numpy as np
 from slidax.arms.chain import Pose, numbers, unit_quaternion
 from slidax.arms.curves import AbstractCurve, Array, Helix, Spline, constant_pose
 from slidax.arms.rotations import angle_between, axis_and_angle, matrix_of
-from slidax.core.errors import DefinitionError, each_of, plain_name
+from slidax.core.errors import DefinitionError, each_of, float_array, plain_name
 
 from .splines import quintic_spline
 from .table import TIME_UNITS
@@ -411,7 +411,7 @@ class Through(AbstractMove):
             return self._timed(curve, float(steps.sum()), _pose(rows[-1]))
         if self.duration is not None:
             raise DefinitionError("`Through` takes either `times` or a `duration`, not both")
-        times = np.asarray(self.times, float)
+        times = float_array("Through.times", self.times)
         increasing = times.shape == (len(rows),) and np.isfinite(times).all() and (np.diff(times) > 0).all()
         if len(rows) < 2 or not increasing:
             raise DefinitionError(

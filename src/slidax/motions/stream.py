@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import NDArray
 
-from slidax.core.errors import DefinitionError, as_array, is_traced, require, short_repr
+from slidax.core.errors import DefinitionError, as_array, float_array, is_traced, require, short_repr
 from slidax.core.parameter import parameter, piece
 from slidax.core.part import AbstractPart
 from slidax.core.types import PerJoint, Reference, Scalar, Vector
@@ -29,6 +29,9 @@ JERK = 6.0
 
 TORQUE_SHARE = 0.5
 """Share of the drives' torque rate limit that a streamed motion may use; the remainder is for the law's feedback."""
+
+MOST_SAMPLES = 4_000_000
+"""Largest number of samples of a recorded stream: more than an hour at 1 kHz."""
 
 AT_REST = 1e-12
 """Distance from the last position at which the motion ends, relative to the range of the stream's positions."""
@@ -86,8 +89,9 @@ class StreamFilter(AbstractPart):
 
     def __check_init__(self) -> None:
         a, j, w, h = self.acceleration, self.jerk, self.bandwidth, self.period
-        if is_traced((a, j, w, h)):
+        if is_traced((a, j, w, h, self.lower, self.upper)):
             return
+        require(self, "upper", np.asarray(self.upper >= self.lower), "must be at least `lower`", finite=False)
         require(self, "bandwidth", np.asarray(w * h <= 1.0), "must be at most 1/`period`", each="joint")
         slow = f"must be at least `bandwidth * acceleration` = {short_repr((w * a).tolist())}, to be able to brake"
         require(self, "jerk", np.asarray(j >= (1.0 - 1e-9) * w * a), slow, each="joint")
@@ -244,7 +248,7 @@ class Streamed(AbstractPiecewisePolynomial):
         Raises DefinitionError if the shapes do not match, the times are not increasing, a number is not finite, or the
         first position is outside the limits.
         """
-        t, rows = np.asarray(times, float), np.asarray(positions, float)
+        t, rows = float_array("times", times), float_array("positions", positions)
         if t.ndim != 1 or rows.ndim != 2 or len(rows) != len(t) or not len(t):
             raise DefinitionError(
                 f"a stream needs one row per time and one column per joint; got shape {list(rows.shape)} for {len(t)} "
@@ -260,6 +264,12 @@ class Streamed(AbstractPiecewisePolynomial):
             raise DefinitionError(
                 f"the positions of a stream must be finite; row {row + 1} is not, for joint {joint + 1}"
             )
+        h = float(stream.period)
+        if t[-1] > MOST_SAMPLES * h:
+            raise DefinitionError(
+                f"the stream lasts {t[-1]:g} s, but at most {MOST_SAMPLES * h:g} s are possible at this sample time: "
+                "shorten it, or check the unit of its times"
+            )
         lower, upper = np.asarray(stream.lower), np.asarray(stream.upper)
         if np.any((rows[0] < lower) | (rows[0] > upper)):
             joint = int(np.argmax((rows[0] < lower) | (rows[0] > upper)))
@@ -267,7 +277,6 @@ class Streamed(AbstractPiecewisePolynomial):
                 f"the stream starts at {rows[0, joint]:g} for joint {joint + 1}, outside the joint's limits: the arm "
                 "cannot start there"
             )
-        h = float(stream.period)
         ticks = np.ceil(t / h - 1e-6).astype(int)
         span = float(np.ptp(np.clip(rows, lower, upper), axis=0).max())
         count = int(ticks[-1]) + int(np.ceil(_settling(stream, span) / h)) + 1

@@ -215,6 +215,8 @@ def _require_units(
     where: str,
 ) -> None:
     """Raise DefinitionError if a unit does not fit its joint, or a rate has no unit but its position is not in SI."""
+    if units and len(units) != len(chosen):
+        raise DefinitionError(f"{where}: there must be one unit for {each_of(len(chosen), 'joint')}; got {len(units)}")
     for index, name in enumerate(chosen):
         position = columns["positions"][name]
         for suffix, kind in KINDS.items():

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, as_array, short_repr
+from slidax.core.errors import DefinitionError, as_array, float_array, short_repr
 from slidax.core.parameter import piece
 
 from .limits import MotionLimits
@@ -123,9 +123,9 @@ class Tabulated(AbstractPiecewisePolynomial):
 
         Raises DefinitionError, with row and joint, if the table is invalid, its velocity jumps or it exceeds a limit.
         """
-        t, q = np.asarray(times, dtype=float), np.asarray(positions, dtype=float)
+        t, q = float_array("times", times), float_array("positions", positions)
         optional = {"velocities": velocities, "accelerations": accelerations}
-        more = {name: np.asarray(value, dtype=float) for name, value in optional.items() if value is not None}
+        more = {name: float_array(name, value) for name, value in optional.items() if value is not None}
         if t.ndim != 1 or q.ndim != 2 or any(rows.shape != (len(t), q.shape[1]) for rows in (q, *more.values())):
             shapes = [list(q.shape), *(list(rows.shape) for rows in more.values())]
             raise DefinitionError(

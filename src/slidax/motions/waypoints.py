@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.core.errors import DefinitionError, as_array, short_repr
+from slidax.core.errors import DefinitionError, as_array, float_array, short_repr
 
 from .limits import limit
 from .splines import quintic_spline
@@ -194,7 +194,7 @@ class MinimumJerk(AbstractPiecewisePolynomial):
 
         Raises DefinitionError if the times do not increase or do not fit the waypoints, or for invalid waypoints.
         """
-        t = np.asarray(times, dtype=float)
+        t = float_array("MinimumJerk.times", times)
         if t.ndim != 1 or len(t) < 2 or not np.all(np.diff(t) > 0) or not np.all(np.isfinite(t)):
             raise DefinitionError(f"`MinimumJerk.times` must be two or more increasing times; got {short_repr(t)}")
         q = waypoint_positions("MinimumJerk", waypoints)

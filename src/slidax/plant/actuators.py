@@ -59,8 +59,11 @@ class ActuatorMap(AbstractPart):
         cross-talk.
         """
         gains = static_value(as_array(matrix))
-        if gains.ndim != 2 or gains.shape[0] != gains.shape[1] or not np.isfinite(gains).all():
-            raise DefinitionError(f"must be a square matrix of finite numbers; got shape {list(gains.shape)}")
+        if gains.ndim != 2 or gains.shape[0] != gains.shape[1]:
+            raise DefinitionError(f"must be a square matrix; got shape {list(gains.shape)}")
+        if not np.isfinite(gains).all():
+            row, column = np.argwhere(~np.isfinite(gains))[0]
+            raise DefinitionError(f"must be finite numbers; row {row + 1}, column {column + 1} is not")
         rest = np.abs(gains).sum(axis=1) - 2.0 * np.diag(gains)
         if (rest >= 0.0).any():
             row = int(np.argmax(rest))

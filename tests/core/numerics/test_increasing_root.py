@@ -44,7 +44,7 @@ def test_a_guess_that_is_the_root_is_returned_unchanged():
     np.testing.assert_array_equal(solved(cubic, parameters, target, guess), guess)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.lists(st.floats(-9, 2), min_size=1, max_size=5), st.floats(-1, 1), st.floats(-1, 1), st.floats(-8, -1))
 def test_the_root_solver_reaches_its_tolerance_within_its_iteration_limit(steepness, where, guess, rate):
     """A staircase: a Newton step on one stair has no information about the next stair."""

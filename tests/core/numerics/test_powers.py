@@ -88,7 +88,7 @@ def test_the_unit_vector_is_zero_at_zero_and_shortened_by_its_boundary_layer():
     np.testing.assert_array_equal(unit_vector(jnp.zeros(2), jnp.asarray(0.0)), 0.0)
 
 
-bases = st.floats(0.0, 50.0).filter(lambda x: x == 0 or x > 1e-6)
+bases = st.floats(1e-6, 50.0)
 reals = st.floats(-50.0, 50.0).filter(lambda x: x == 0 or abs(x) > 1e-6)
 steep = st.floats(1.01, 4.0)
 
@@ -103,11 +103,10 @@ derivative_of_even_power = jax.jit(jax.grad(lambda x, alpha: power(jnp.abs(x), a
 
 @given(bases, st.floats(-1.5, 4.0))
 def test_the_power_agrees_with_numpy_for_positive_bases(x, a):
-    if x > 0:
-        assert float(raised(x, a)) == pytest.approx(np.power(x, a), rel=1e-13)
+    assert float(raised(x, a)) == pytest.approx(np.power(x, a), rel=1e-13)
 
 
-@given(bases.filter(lambda x: x > 0), st.floats(-1.5, 4.0), st.floats(2.01, 4.0))
+@given(bases, st.floats(-1.5, 4.0), st.floats(2.01, 4.0))
 def test_derivatives_of_the_power_by_base_and_exponent_agree_with_closed_forms(x, a, b):
     by_x, by_a = raised_slopes(x, a)
     assert float(by_x) == pytest.approx(a * x ** (a - 1), rel=1e-12, abs=1e-300)
@@ -116,7 +115,7 @@ def test_derivatives_of_the_power_by_base_and_exponent_agree_with_closed_forms(x
 
 
 @pytest.mark.parametrize("a", [1.2, 2.0, 2.01, 3.5])
-def test_at_zero_the_power_and_its_derivatives_are_zero(a):
+def test_the_power_and_its_derivatives_are_zero_at_a_base_of_zero(a):
     zero, exponent = jnp.asarray(0.0), jnp.asarray(a)
     assert float(power(zero, exponent)) == 0.0
     by_x, by_a = jax.grad(power, argnums=(0, 1))(zero, exponent)
@@ -164,14 +163,6 @@ def test_sig_is_odd_and_increasing():
         np.testing.assert_array_equal(y, -sig(-x, jnp.asarray(a)))
         assert np.all(np.diff(y) > 0)
     assert float(sig(jnp.asarray(0.0), jnp.asarray(0.5))) == 0.0
-
-
-@given(reals, reals, steep)
-def test_the_forward_derivative_of_the_power_includes_base_and_exponent(dx, da, a):
-    x = 2.0
-    _, tangent = jax.jvp(power, (jnp.asarray(x), jnp.asarray(a)), (jnp.asarray(dx), jnp.asarray(da)))
-    expected = a * x ** (a - 1) * dx + x**a * np.log(x) * da
-    assert float(tangent) == pytest.approx(expected, rel=1e-12, abs=1e-10)
 
 
 EACH_CORE = pytest.mark.parametrize(("p", "delta"), [(p, delta) for p in (0.1, 0.5, 0.9) for delta in (0.01, 0.3, 1.0)])

@@ -14,7 +14,7 @@ from slidax.core import AbstractPart, PerJoint, Scalar, Vector, kind_of, paramet
 from slidax.core.errors import DefinitionError
 from slidax.core.types import Matrix
 from slidax.export.c_structures import members
-from slidax.law import AbstractSurface, Linear
+from slidax.law import AbstractSurface
 from slidax.scenarios.catalogue import BLOCKS, KINDS, _rows, explain_parameters
 from slidax.scenarios.catalogue import members as described
 from slidax.scenarios.descriptions import description_of
@@ -111,24 +111,25 @@ def test_a_range_may_depend_on_another_parameter_and_shapes_are_checked() -> Non
 
 
 def every_description() -> list[Any]:
+    """Each description of scenario files that has parameters."""
     named = {f"{kind}.{name}": model for kind in KINDS for name, model in described(kind).items()} | BLOCKS
-    return [pytest.param(model, id=name) for name, model in named.items()]
+    return [pytest.param(model, id=name) for name, model in named.items() if _rows(model, "")]
 
 
 @pytest.mark.parametrize("model", every_description())
-def test_every_parameter_of_scenario_files_has_a_description_and_a_default_or_is_required(model: Any) -> None:
+def test_every_parameter_of_scenario_files_has_a_description(model: Any) -> None:
     for row in _rows(model, ""):
         assert len(row["meaning"]) > 3, row["path"]
-        assert row["required"] or "default" in row
 
 
 @pytest.mark.parametrize("kind", ["surfaces", "reaching", "bounds", "performance", "transformations"])
 def test_every_parameter_of_a_law_part_declares_a_meaning_and_a_range_or_unit(kind: str) -> None:
-    for model in described(kind).values():
-        for entry in parameters_of(model.part):
-            assert entry.meaning, (model.part, entry.name)
-            known = entry.piece or entry.range.text or entry.why or entry.unit or not entry.shape
-            assert known, (model.part, entry.name)
+    entries = [(model, entry) for model in described(kind).values() for entry in parameters_of(model.part)]
+    assert entries
+    for model, entry in entries:
+        assert entry.meaning, (model.part, entry.name)
+        known = entry.piece or entry.range.text or entry.why or entry.unit or not entry.shape
+        assert known, (model.part, entry.name)
 
 
 def test_the_cftsmppc_preset_names_the_source_of_its_default_values() -> None:
@@ -157,7 +158,7 @@ def test_fields_declared_as_piece_are_documented_but_not_checked() -> None:
 
     assert "- `surface`: what it holds." in (Holder.__doc__ or "")
     assert "Raises" not in (Holder.__doc__ or "")
-    assert isinstance(Holder(Linear(1.0)).surface, Linear)
+    assert Holder("anything").surface == "anything"
 
 
 def test_annotations_that_are_types_instead_of_strings_give_the_same_shapes():

@@ -88,7 +88,7 @@ def test_a_blocked_arm_restarts_the_law_once_the_patience_is_exceeded():
     assert judged(samples, moving=1e-3)[7] == (True, True)
 
 
-def test_after_one_outlier_the_next_good_sample_is_accepted():
+def test_the_next_good_sample_after_an_outlier_is_accepted():
     assert judged([(H, state([2.0, 0.0])), (2 * H, state([0.0, 0.0]))]) == [(False, False), (True, False)]
 
 
@@ -148,7 +148,7 @@ def test_gate_speed_without_limits_is_reached_by_the_drives_in_a_turn_or_metre()
 
 
 def test_a_patience_of_one_sample_is_refused():
-    with pytest.raises(DefinitionError, match="patience"):
+    with pytest.raises(DefinitionError, match=r"`MeasurementGate\.patience` must be in \[2, 1e6\]; got 1"):
         MeasurementGate(patience=1.0)
 
 

@@ -128,5 +128,8 @@ def test_a_monitor_needs_a_plan_and_an_envelope():
     state = State(q=jnp.zeros(1), dq=jnp.zeros(1))
     with pytest.raises(DefinitionError, match="watches an envelope"):
         simulate(Plant(FreeMass(), Constant([0.0])), law, Still([0.0]), state, t1=0.01, period=1e-3)
-    with pytest.raises(DefinitionError, match="rotor_max"):
+
+
+def test_a_least_inertia_above_the_largest_is_refused():
+    with pytest.raises(DefinitionError, match=r"`Monitor\.rotor_min` must be <= `rotor_max`; got 2.0 and 1.0"):
         Monitor(rotor_min=2.0, rotor_max=1.0)

@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from slidax.arms.arm import AbstractRobot
-from slidax.core.errors import DefinitionError, as_array
+from slidax.core.errors import DefinitionError, as_array, is_traced
 from slidax.core.linear_algebra import solve_symmetric
 from slidax.core.parameter import piece
 from slidax.core.types import Envelope, Memory, Reference, Scalar, State
@@ -124,6 +125,11 @@ def sampled_data(
     Raises DefinitionError if an argument does not fit the law.
     """
     period = as_array(period)
+    if not is_traced(period) and not 0.0 < float(period) < np.inf:
+        raise DefinitionError(f"`period` must be finite and > 0 s; got {float(period):g}")
+    for name, periods in (("delay", delay), ("delay_at_most", delay_at_most)):
+        if periods is not None and not is_traced(periods) and not 0.0 <= float(periods) < np.inf:
+            raise DefinitionError(f"`{name}` must be finite and >= 0 periods; got {float(periods):g}")
     step: AbstractStep = law.implicit_step(recovery, slopes) or ExplicitStep(law.at_period(period))
     if calm is not None:
         if not isinstance(step, AbstractSurfaceStep):
