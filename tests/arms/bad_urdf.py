@@ -182,7 +182,6 @@ TREES = [
 JOINTS = [
     case("limits misspelled", LIMIT, LIMIT.replace("<limit", "<limits"), named="elbow limits"),
     case("lower above upper", LIMIT, limit(lower="2"), named="elbow lower upper"),
-    case("lower equal to upper", LIMIT, limit(lower="1.5"), named="elbow lower upper"),
     case("a negative effort", LIMIT, limit(effort="-20"), named="elbow effort -20"),
     case("a negative velocity", LIMIT, limit(velocity="-4"), named="elbow velocity -4"),
     case("a limit that is NaN", LIMIT, limit(upper="nan"), named="elbow upper"),

@@ -81,7 +81,7 @@ def test_unknown_tip_or_locked_joint_is_named_with_its_nearest(read, text):
 
 
 @pytest.mark.parametrize(("read", "text"), GOOD)
-def test_without_mujoco_the_error_says_what_to_install(read, text, monkeypatch):
+def test_error_without_mujoco_names_the_extra_to_install(read, text, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(DefinitionError, match=r"pip install 'slidax\[robots\]'"):
         read(text)

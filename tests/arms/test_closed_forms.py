@@ -12,7 +12,7 @@ STATES = np.random.default_rng(7).uniform(-3.0, 3.0, (20, 2, 3))
 
 
 def two_link(l1, l2, m1, m2, i1, i2, g, q, dq):
-    """M, C, G of Example 4.1 in the spec."""
+    """M, C, G of Example 4.1, as the paper prints them."""
     c2, s2, c1, c12 = np.cos(q[1]), np.sin(q[1]), np.cos(q[0]), np.cos(q[0] + q[1])
     m11 = (m1 + m2) * l1**2 + m2 * l2**2 + 2 * m2 * l1 * l2 * c2 + i1
     m12 = m2 * l2**2 + m2 * l1 * l2 * c2
@@ -25,7 +25,7 @@ def two_link(l1, l2, m1, m2, i1, i2, g, q, dq):
 
 
 def scara(l1, l2, m1, m2, m3, g, q, dq):
-    """M, C, G of Example 4.2 in the spec."""
+    """M, C, G of Example 4.2, as the paper prints them."""
     c2, s2 = np.cos(q[1]), np.sin(q[1])
     a, b, c = (m1 + m2 + m3) * l1**2, (m2 + m3) * l2**2, (m2 + m3) * l1 * l2
     mass = np.array([[a + 2 * c * c2 + b, b + c * c2, 0], [b + c * c2, b, 0], [0, 0, m3]])

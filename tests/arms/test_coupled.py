@@ -56,13 +56,16 @@ def test_coupled_dynamics_are_projections_of_the_uncoupled_dynamics(pair):
     def motion(q, dq):
         of_the_leader = arm.mass(q), arm.bias(q, dq), arm.friction(dq), arm.tip(q), arm.potential(q)
         at, moving = arm.positions(q), arm.velocities(dq)
-        return of_the_leader, (every.mass(at), every.bias(at, moving), every.friction(moving), every.tip(at))
+        of_both = every.mass(at), every.bias(at, moving), every.friction(moving), every.tip(at), every.potential(at)
+        return of_the_leader, of_both
 
-    (mass, bias, friction, tip, _), (masses, biases, frictions, there) = motion(jnp.array([0.7]), jnp.array([1.3]))
+    leading, both = motion(jnp.array([0.7]), jnp.array([1.3]))
+    (mass, bias, friction, tip, energy), (masses, biases, frictions, there, whole_energy) = leading, both
     np.testing.assert_allclose(mass, [[s @ masses @ s]], rtol=1e-14)
     np.testing.assert_allclose(bias, [s @ biases], rtol=1e-14)
     np.testing.assert_allclose(friction, [s @ frictions], rtol=1e-14)
     np.testing.assert_allclose(tip, there, rtol=1e-14)
+    np.testing.assert_allclose(energy, whole_energy, rtol=1e-14)
 
 
 def test_leader_limits_are_narrowed_by_the_limits_of_its_followers(pair):
@@ -90,11 +93,14 @@ def test_rotor_inertia_and_friction_act_on_the_leader():
     np.testing.assert_allclose(arm.viscous, [0.5])
     np.testing.assert_allclose(arm.coulomb, [0.25])
     np.testing.assert_allclose(arm.mass(jnp.zeros(1)) - read(FOLLOWED).mass(jnp.zeros(1)), [[0.2]], rtol=1e-12)
+    # A single number is the armature of each joint of the arm, and a follower is none.
     assert float(read(FOLLOWED, armature=0.3).arm.armature[1]) == 0.0
 
 
-def test_the_option_locked_holds_a_follower(pair):
-    assert from_urdf(FOLLOWED, locked={"elbow": 0.5}).joint_names == ("shoulder",)
+def test_the_option_locked_holds_a_follower():
+    arm, held = (from_urdf(text, locked={"elbow": 0.5}) for text in (FOLLOWED, GOOD))
+    assert isinstance(arm, Articulated)
+    np.testing.assert_array_equal(arm.inertias, held.inertias)
 
 
 def test_follower_outside_the_arm_moves_if_mimics_is_followed():

@@ -143,7 +143,7 @@ def test_an_arm_can_hold_its_weight_in_every_posture(name):
 
 
 @pytest.mark.parametrize("name", ["panda", "ur5e", "iiwa14", "xarm7"])
-def test_in_the_home_posture_the_flange_points_down(name):
+def test_flange_points_down_in_the_home_posture(name):
     rotation, _ = frames(FILES[name], FILES[name]["home"])[-1]
     np.testing.assert_allclose(rotation @ [0, 0, 1], [0, 0, -1], atol=2e-3)
 
@@ -181,7 +181,7 @@ def test_built_in_links_and_limits_agree_with_example_robot_data(name, path):
         ]
 
 
-def test_the_axes_of_the_ur5e_are_those_of_the_ur5():
+def test_ur5e_has_the_axes_and_link_lengths_of_the_ur5():
     """The UR5 is the older arm of the same build: other offsets along the axes, the same directions and almost the
     same lengths of upper arm and forearm.
     """

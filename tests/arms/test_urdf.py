@@ -158,7 +158,6 @@ def test_single_limit_that_leaves_an_empty_range_is_refused(values):
 
 def test_joint_that_mimics_a_locked_joint_is_held_with_it():
     text = changed(GOOD, LIMIT, LIMIT + MIMIC)
-    assert from_urdf(text, locked={"elbow": 0.5}).joint_names == ("shoulder",)
     with pytest.raises(DefinitionError, match=r"no joint that moves.*`elbow` mimics joint `shoulder`.*held at 1;"):
         from_urdf(text, locked={"shoulder": 0.25})
 

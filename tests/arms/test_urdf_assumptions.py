@@ -179,11 +179,13 @@ def test_a_joint_that_mimics_a_fixed_joint_is_held_at_its_offset():
     with pytest.warns(
         DefinitionWarning, match="`cylinder` mimics joint `flange`, which does not move: it is held at 0.2"
     ):
-        from_urdf(
+        arm = from_urdf(
             CYLINDER.replace('joint="shoulder" multiplier="-0.5"', 'joint="flange" offset="0.2"'),
             tip="tool",
             limits=False,
         )
+    held = from_urdf(CYLINDER, tip="tool", limits=False, locked={"cylinder": 0.2})
+    np.testing.assert_allclose(arm.inertias, held.inertias, rtol=1e-14, atol=1e-16)
 
 
 def test_error_includes_the_notes_on_the_elements_that_it_names():

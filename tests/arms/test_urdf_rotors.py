@@ -35,7 +35,7 @@ def test_a_rotor_adds_its_inertia_times_the_squared_reduction(form):
     assert np.diag(read.mass(q) - without.mass(q)) == pytest.approx([0.0, 0.2, 0.25, 0.0])
 
 
-def test_an_armature_argument_replaces_the_files_armature(tmp_path):
+def test_an_armature_argument_replaces_the_files_armature():
     text = arm(more=transmission(ROS, "j2", 2e-5, 100))
     assert np.asarray(arms.from_urdf(text, armature={"j1": 0.3}).armature).tolist() == [0.3, 0.0, 0.0, 0.0]
 

@@ -25,6 +25,10 @@ def text(value):
     return struct.pack("<I", len(value)) + value.encode()
 
 
+PRIVATE = 0x90
+"""A kind of record that readers skip."""
+
+
 def chunk(compression, packed, announced):
     body = struct.pack("<QQQI", 0, 0, announced, 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
     return record(6, body)
@@ -41,19 +45,22 @@ def lz4(data):
 @pytest.mark.parametrize(("compression", "pack"), [("zstd", zstd), ("lz4", lz4)])
 @pytest.mark.parametrize("reader", [read_mcap, lambda path: read_log(path, JOINTS)], ids=["own", "bag"])
 def test_mcap_that_unpacks_to_a_thousand_times_its_size_is_refused(tmp_path, compression, pack, reader):
-    part = chunk(compression, pack(bytes(40_000_000)), 40_000_000)
+    content = record(PRIVATE, bytes(40_000_000))
     path = tmp_path / "a.mcap"
-    path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + 30 * part)
-    with pytest.raises(DefinitionError, match=r"unpacks to more than|is not a slidax log|has no ROS 2 messages"):
+    path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + 30 * chunk(compression, pack(content), len(content)))
+    with pytest.raises(DefinitionError, match=r"unpacks to more than .* MB, the limit for a log of its size"):
         reader(path)
 
 
 @pytest.mark.parametrize(("compression", "pack"), [("zstd", zstd), ("lz4", lz4)])
 def test_chunk_that_unpacks_to_more_than_its_stated_size_is_refused(tmp_path, compression, pack):
     path = tmp_path / "a.mcap"
-    path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + chunk(compression, pack(bytes(50_000_000)), 100))
-    with pytest.raises(DefinitionError, match="has no ROS 2"):
-        read_log(path, JOINTS)
+    channel = struct.pack("<HH", 1, 0) + text("/camera") + text("cdr") + struct.pack("<I", 0)
+    content = record(4, channel) + record(PRIVATE, bytes(50_000_000))
+    for announced, topics in ((len(content), "its topics are `/camera`"), (100, "it has no topics")):
+        path.write_bytes(MAGIC + record(1, text("ros2") + text("x")) + chunk(compression, pack(content), announced))
+        with pytest.raises(DefinitionError, match=f"has no ROS 2 messages with joint states; {topics}"):
+            read_log(path, JOINTS)
 
 
 def test_an_mcap_log_is_read_up_to_a_chunk_with_a_wrong_checksum(tmp_path):
@@ -159,7 +166,8 @@ def test_joint_trajectory_with_a_number_of_many_digits_is_refused(number, place)
     point = f'{{"positions": [{values["position"]}], "time_from_start": {values["time"]}}}'
     last = '{"positions": [1], "time_from_start": 2}'
     message = f'{{"joint_names": ["a"], "points": [{point}, {last}]}}'
-    with pytest.raises(DefinitionError):
+    quantity = "position of joint `a`" if place == "position" else "time"
+    with pytest.raises(DefinitionError, match=rf"points\[0\]: the {quantity} must be a finite number"):
         sx.motions.Tabulated.from_joint_trajectory(message)
 
 

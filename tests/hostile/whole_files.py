@@ -91,7 +91,7 @@ def cdr(message):
     return b"\0\1\0\0" + bytes(body)
 
 
-def bag_mcap(compression="NONE", *, chunked=False, topics=("/joint_states",)):
+def bag_mcap(compression="NONE", *, chunked=False):
     """An MCAP file by the package mcap. Without checksums, so that damage reaches what lies behind them."""
     from mcap.writer import CompressionType, Writer
 
@@ -102,10 +102,9 @@ def bag_mcap(compression="NONE", *, chunked=False, topics=("/joint_states",)):
     writer.start(profile="ros2")
     definition = b"std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
     schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", definition)
-    channels = [writer.register_channel(topic, "cdr", schema) for topic in topics]
+    channel = writer.register_channel("/joint_states", "cdr", schema)
     for k, message in enumerate(messages()):
-        for channel in channels:
-            writer.add_message(channel, log_time=k, publish_time=k, data=cdr(message))
+        writer.add_message(channel, log_time=k, publish_time=k, data=cdr(message))
     writer.finish()
     return out.getvalue()
 

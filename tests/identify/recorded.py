@@ -1,4 +1,4 @@
-"""Logs of arms whose numbers are known, without a simulation: the torque of a given motion."""
+"""Logs of arms whose parameters are known, without a simulation: the torque of a given motion."""
 
 import equinox as eqx
 import numpy as np
@@ -44,9 +44,9 @@ def recorded(
     still: tuple[int, ...] = (),
     times_and_motion: tuple[np.ndarray, JointMotion] | None = None,
 ) -> JointLog:
-    """Positions to 1e-5, and torques with noise, a share of their root mean square.
+    """Return a log with positions rounded to 1e-5, and torques with noise, a share of their root mean square.
 
-    Joints that stand are `still`.
+    The joints in `still` do not move.
     """
     t, motion = times_and_motion or moved(seconds, rate, arm.joints)
     for joint in still:

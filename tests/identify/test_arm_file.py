@@ -27,9 +27,10 @@ def written(tmp_path_factory):
 def test_arm_file_has_each_parameter_and_its_uncertainty_set(written):
     result, path = written
     data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    for parameter in result.parameters:
-        if not parameter.path:
-            continue
+    with_path = [parameter for parameter in result.parameters if parameter.path]
+    # Rotor, Coulomb and viscous friction of 6 joints, and 10 of the payload.
+    assert len(with_path) == 28
+    for parameter in with_path:
         place = data["robot"]
         for key in parameter.path.split("."):
             place = place[int(key)] if isinstance(place, list) else place[key]

@@ -1,6 +1,5 @@
 """Recordings of ROS 2: topics, orders of joints, other publishers, both storages."""
 
-import shutil
 import sqlite3
 import struct
 
@@ -233,18 +232,23 @@ def test_individually_compressed_messages_are_read(tmp_path):
     assert_read(read_log(write_database(tmp_path / "a.db3", {"/joint_states": messages}), ARM))
 
 
-def test_folder_that_is_no_bag_is_refused(tmp_path):
+def test_folder_that_is_no_bag_or_lacks_a_listed_file_is_refused(tmp_path):
     # A folder with the ending of a log is not one of the bag's files.
     (tmp_path / "old.mcap").mkdir()
     with pytest.raises(DefinitionError, match=r"is not a ros2 bag folder"):
         read_log(tmp_path, ARM)
     metadata(tmp_path, ["gone.mcap"], "mcap")
-    with pytest.raises(DefinitionError, match=r"lacks the file `gone.mcap`"):
+    with pytest.raises(DefinitionError, match=r"lacks the file `gone\.mcap`"):
         read_log(tmp_path, ARM)
-    metadata(tmp_path, ["../../outside.mcap"], "mcap")
-    with pytest.raises(DefinitionError, match=r"lacks the file `outside.mcap`"):
-        read_log(tmp_path, ARM)
-    shutil.rmtree(tmp_path)
+
+
+def test_a_bag_folder_leads_to_no_file_outside(tmp_path):
+    outside, folder = bag(tmp_path, arm_messages(), "outside.mcap"), tmp_path / "bag"
+    folder.mkdir()
+    for listed in ("../outside.mcap", str(outside)):
+        metadata(folder, [listed], "mcap")
+        with pytest.raises(DefinitionError, match=r"lacks the file `outside\.mcap`"):
+            read_log(folder, ARM)
 
 
 def test_database_that_is_no_bag_is_refused(tmp_path):

@@ -318,7 +318,7 @@ def test_arm_file_has_the_band_as_an_uncertainty_set(tmp_path):
     assert f"p = {100 * band.band:.2g} %" in str(result)
 
 
-def test_arms_drawn_from_an_identified_band_are_within_it(tmp_path):
+def test_arms_drawn_from_an_identified_band_are_within_it():
     arm, known = arm_with_drives("three_link"), sx.arms.from_urdf("tests/identify/three_link.urdf")
     result = identify(log_of(arm, 0), known, links=True)
     band = InertialBand(band=result.band.p, deviations=result.band.deviations.tolist())

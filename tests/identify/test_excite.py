@@ -53,10 +53,9 @@ def test_the_excitation_file_is_read_as_a_tabulated_motion(motion, tmp_path):
 
 def test_excitation_is_more_informative_than_random_motions(motion):
     series = FourierSeries(5.0, 10)
-    of = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
-    chance = [
-        of.score(of.scaled_motion(series, series.random(np.random.default_rng(seed), 6), 100)) for seed in range(10)
-    ]
+    search = excitation.ExcitationSearch(ARM, 0.7, None, None, LOAD, links=False)
+    random = (series.random(np.random.default_rng(seed), 6) for seed in range(10))
+    chance = [search.score(search.scaled_motion(series, shape, excitation.POINTS)) for shape in random]
     assert motion.information > max(chance) and "bits" in str(motion) and ARM.joint_names[0] in str(motion)
 
 

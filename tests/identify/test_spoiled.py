@@ -247,11 +247,9 @@ def test_the_correct_log_convention_gives_the_parameters_of_the_clean_log(spoil,
 def test_friction_identified_from_a_log_with_a_gap_is_within_its_error():
     arm = ARMS["two_link"]()
     log = clean_log(arm, 3)
-    keep = (log.t < 6.0) | (log.t > 8.0)
-    cut = log.rows(keep)
+    result = identify(log.rows(_without(log)), arm)
     true = with_drives(arm, np.random.default_rng(3))
     for name in ("coulomb", "viscous", "armature"):
-        result = identify(cut, arm)
         off = np.abs(result.values(name) - np.asarray(getattr(true, name)))
         assert (off < 4.0 * result.standard_errors(name)).all(), name
 
@@ -337,6 +335,7 @@ MANY = [pytest.param(name, range(100, 400 if name == "two_link" else 150), marks
 def test_damaged_log_is_refused_or_gives_finite_numbers(name, seeds):
     arm = ARMS[name]()
     clean = clean_log(arm, 0).rows(np.arange(2000))
+    fitted = 0
     for seed in seeds:
         rng = np.random.default_rng(seed)
         log = damaged(clean, rng)
@@ -348,3 +347,5 @@ def test_damaged_log_is_refused_or_gives_finite_numbers(name, seeds):
         numbers = [(parameter.value, parameter.standard_error) for parameter in result.parameters]
         assert np.isfinite(numbers).all(), seed
         assert np.isfinite([result.fit_rms, result.held_out_rms, result.measured_rms]).all(), seed
+        fitted += 1
+    assert 0 < fitted < len(seeds)

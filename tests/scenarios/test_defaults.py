@@ -90,7 +90,7 @@ def bound_of(name: str, changes: dict) -> object:
 @pytest.mark.parametrize("name", ["panda-payload", "example-4.1-1khz", "example-4.2-1khz"])
 def test_a_scenario_with_the_default_uncertainty_bound_stays_inside_the_envelope(name):
     run = scenarios.load(name, {**NONE, "simulation.t1": 4.0}).simulate()
-    assert analysis.envelope_violations(run) == 0
+    assert run.outcome.ok and analysis.envelope_violations(run) == 0
 
 
 def test_the_default_gamma_of_example_4_1_matches_its_stated_inertia_mismatch():

@@ -69,7 +69,7 @@ def test_a_paper_example_has_the_disturbance_of_the_paper(name):
 
 
 @pytest.mark.parametrize("name", ["example-4.1", "example-4.2"])
-def test_at_1_khz_the_law_has_the_papers_gains_and_no_boundary_layer(name):
+def test_law_at_1_khz_has_the_papers_gains_and_no_boundary_layer(name):
     slow, printed = scenarios.load(f"{name}-1khz"), scenarios.load(name)
     for part in ("transformation", "surface", "bound"):
         assert eqx.tree_equal(getattr(slow.controller.step, part), getattr(printed.controller, part)), part
@@ -226,7 +226,7 @@ def test_a_replaced_controller_gives_its_name_to_the_scheme():
     ("change", "message"),
     [
         ({"state0": State([0.0])}, "`state0.q` must have one entry for each of the 2 joints"),
-        ({"controler": None}, "a scenario has no field `controler`; did you mean `controller`?"),
+        ({"controler": None}, r"a scenario has no field `controler`; did you mean `controller`\?"),
     ],
 )
 def test_scenario_replace_refuses_unfitting_parts_and_unknown_fields(change, message):

@@ -116,12 +116,12 @@ def test_the_option_outside_decides_if_a_start_outside_the_envelope_is_refused()
 
 
 def test_equal_seeds_give_equal_runs_and_other_seeds_other_runs():
-    def aice(seed: int) -> Any:
+    def torque_travel(seed: int) -> Any:
         changes = {"sensor": {"position_noise": 1e-6, "seed": seed}, "simulation.t1": 0.05}
         return scenarios.load(NAME, changes).simulate(log_every=None).tally.torque_travel
 
-    np.testing.assert_array_equal(aice(1), aice(1))
-    assert np.any(np.asarray(aice(1)) != np.asarray(aice(2)))
+    np.testing.assert_array_equal(torque_travel(1), torque_travel(1))
+    assert np.any(np.asarray(torque_travel(1)) != np.asarray(torque_travel(2)))
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_an_estimator_block_builds_the_described_estimator(described, estimator)
     assert eqx.tree_equal(law({"estimator": described, "adaptation": None}).estimator, estimator)
 
 
-def test_with_encoders_alone_the_estimator_is_a_kalman_filter_for_their_resolution_and_noise():
+def test_default_estimator_for_encoders_alone_is_a_kalman_filter_for_their_resolution_and_noise():
     sensor = {"velocity": "differenced", "resolution": [1e-5, 2e-5], "position_noise": 1e-6}
     variance = jnp.array([1e-10, 4e-10]) / 12 + 1e-12
     wanted = Kalman.of_arm(MASS, variance=variance, period=1e-3, fastest=FASTEST_PACE)

@@ -216,7 +216,7 @@ def test_missing_joints_are_refused_with_their_names_and_the_remedy_works(file):
 def test_a_motion_in_milliseconds_causes_a_warning_whose_remedy_works(file):
     rows = [[0, 0, 0, 0], [2000, *AIM.values()]]
     text = "\n".join(["time,shoulder,elbow,wrist", *(",".join(map(str, row)) for row in rows)])
-    with pytest.warns(DefinitionWarning, match="lasts 2000 s, but the run ends at 3 s: are its times in ms?"):
+    with pytest.warns(DefinitionWarning, match=r"lasts 2000 s, but the run ends at 3 s: are its times in ms\?"):
         assert ends_of(loaded_on(file, kind="csv", text=text)) != list(AIM.values())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -233,7 +233,7 @@ def test_a_tool_path_in_milliseconds_causes_a_warning():
 
 def test_a_joint_trajectory_message_in_nanoseconds_causes_a_warning(file):
     motion = json.dumps(message("shoulder", "elbow", "wrist", at=(0, 2_000_000_000)))
-    with pytest.warns(DefinitionWarning, match=r"the text lasts 2e\+09 s.*are its times in ns?"):
+    with pytest.warns(DefinitionWarning, match=r"the text lasts 2e\+09 s.*are its times in ns\?"):
         loaded_on(file, kind="joint_trajectory", text=motion)
 
 
@@ -315,9 +315,9 @@ def test_a_portable_scenario_contains_its_table_of_tool_positions(tmp_path):
     [
         ({"trajectory.moves": []}, "trajectory: needs exactly one of `moves`, `file` and `text`"),
         ({"trajectory.start": [0.0, 1.0]}, "trajectory: `start` must be 7 finite numbers"),
-        ({"trajectory.velocity": 0.01}, "trajectory.moves.1: panda_joint"),
-        ({"trajectory.moves.0.kind": "spiral"}, "trajectory.moves.0"),
-        ({"trajectory.hold": "all"}, "trajectory.hold"),
+        ({"trajectory.velocity": 0.01}, "trajectory.moves.1: panda_joint2 would need .* limit of 0.01 for velocity"),
+        ({"trajectory.moves.0.kind": "spiral"}, "trajectory.moves.0.kind: unknown `spiral`"),
+        ({"trajectory.hold": "all"}, "trajectory.hold: unknown `all`"),
         ({"robot": {"kind": "panda"}, "trajectory.moves.0.by": [1, 0, 0]}, "moves.0: the tool cannot follow beyond"),
     ],
 )

@@ -93,15 +93,13 @@ def test_drawn_starts_fill_the_requested_share_of_the_envelope():
     assert np.allclose(np.abs(middle), 0.4 * np.array([0.8, 0.6]), rtol=2e-2)
 
 
-def test_the_law_does_not_depend_on_the_drawn_values():
+def test_law_does_not_depend_on_the_drawn_values():
     sets = {
         "robot.plant.mass_factor": {"around": "20 %"},
         "robot.plant.load.mass": {"between": [0.5, 3]},
         "sensor.delay": {"choice": [3]},
-        "actuator.torque": {"choice": [[80, 80, 80, 80, 11, 11, 11]]},
         "robot.nominal.armature": {"choice": [0.02]},
     }
-    sets.pop("actuator.torque")
     sets_family = family(sets, "panda-payload")
     values = {
         path: array[0]

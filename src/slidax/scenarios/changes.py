@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from slidax.core.errors import DefinitionError, locate_errors, nearest_word, plain_name
 from slidax.core.joint_names import match_names
 
-from .schemes import PRESETS, current_path, owner_of, place_parameters, switch_scheme, with_kinds
+from .schemes import PRESETS, owner_of, place_parameters, switch_scheme, with_kinds
 from .yaml_text import validation_error
 
 BRACKETS = re.compile(r"\[([^\[\]]*)\]")
@@ -127,7 +127,7 @@ def path_in(data: dict[str, Any], path: str, joints: Sequence[str] = ()) -> str:
     name = scheme.get("name")
     preset = PRESETS.get(name) if isinstance(name, str) else None
     owner = owner_of(preset, parts[1]) if preset is not None else None
-    return ".".join(current_path(["scheme", *([owner] if owner else []), *parts[1:]]))
+    return ".".join(["scheme", *([owner] if owner else []), *parts[1:]])
 
 
 def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from pydantic import Field, TypeAdapter, ValidationError, create_model, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from slidax.arms.arm import AbstractRobot, JointLimits, Payload
 from slidax.arms.articulated import Articulated
@@ -82,10 +82,6 @@ class LinksDescription(AbstractDescription):
         )
 
 
-RENAMED = {"mass": "mass_factor", "inertia": "inertia_factor"}
-"""Former names of fields, as in old files, and their current names."""
-
-
 class Arms(NamedTuple):
     """The arms of a scenario.
 
@@ -141,11 +137,6 @@ class TrueArm(plain_of(Mismatch, "Mismatch")):  # type: ignore[misc]  # made of 
 
     load: LoadDescription | None = None
     """Payload at the tip, with its attachment and release times."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _by_present_names(cls, data: Any) -> Any:
-        return {RENAMED.get(key, key): value for key, value in data.items()} if isinstance(data, dict) else data
 
     def build(self, **more: Any) -> Mismatch:
         """Build the mismatch; `more` is empty."""

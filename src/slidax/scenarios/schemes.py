@@ -75,14 +75,6 @@ PRESETS: dict[str, Preset] = {
 ENVELOPE = tuple(parameter.name for parameter in parameters_of(PrescribedPerformance))
 """Parameters of an envelope, such as `performance` and `overshoot`, which a file may write in the scheme itself."""
 
-RENAMED = {
-    "inertia_min": "inverse_inertia_min",
-    "inertia_max": "inverse_inertia_max",
-    **{"constant": "b0", "position": "b1", "velocity": "b2"},
-}
-"""Former names of a bound's parameters, as in old files, and their current names."""
-
-
 COMPUTED: dict[type[eqx.Module], dict[str, str]] = {
     UncertaintyBound: {
         parameter.name: "the arm, its drives and the stated mismatch" for parameter in parameters_of(UncertaintyBound)
@@ -217,8 +209,6 @@ def place_parameters(scheme: dict[str, Any]) -> dict[str, Any]:
     envelope = result.get("transformation")
     if isinstance(envelope, dict) and envelope.keys() & set(ENVELOPE):
         result["transformation"] = {"kind": kind_of(PrescribedPerformance), **envelope}
-    if isinstance(result.get("bound"), dict):
-        result["bound"] = {RENAMED.get(key, key): value for key, value in result["bound"].items()}
     return result
 
 
@@ -229,11 +219,6 @@ def with_kinds(scheme: dict[str, Any]) -> dict[str, Any]:
     """
     parts = {name: part for name, part in _parts(_preset_of(scheme)).items() if isinstance(scheme.get(name), dict)}
     return {**scheme, **{name: {"kind": kind_of(part.part), **scheme[name]} for name, part in parts.items()}}
-
-
-def current_path(path: list[str]) -> list[str]:
-    """Return a path, a list of keys, in which a former name of a bound's parameter is replaced by the current one."""
-    return [*path[:-1], RENAMED.get(path[-1], path[-1])] if path[:2] == ["scheme", "bound"] else path
 
 
 def owner_of(preset: Preset, name: str) -> str | None:
@@ -252,7 +237,7 @@ def owner_of(preset: Preset, name: str) -> str | None:
     return owners[0] if len(owners) == 1 else None
 
 
-OF_PLANS = ("horizon", "slopes", "recovery")
+OF_PLANS = ("horizon", "slopes", "recovery", "calm")
 """Keys of `sampled_data` only for laws that plan over a horizon."""
 
 
@@ -260,9 +245,9 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
     """Return the mapping `scheme` of a scenario file for another preset.
 
     The result keeps `sampled_data`, the envelope, and those parameters of the bound that the new preset does not set.
-    If the new law does not plan over a horizon, `horizon`, `slopes` and `recovery` of `sampled_data` are dropped. All
-    other parameters take the new preset's values. A law outside slidax, `module:Class`, keeps only `sampled_data`
-    without these three. With the file's own name, nothing changes.
+    If the new law does not plan over a horizon, `horizon`, `slopes`, `recovery` and `calm` of `sampled_data` are
+    dropped. All other parameters take the new preset's values. A law outside slidax, `module:Class`, keeps only `sampled_data`
+    without these four. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
     - `name`: name of the new preset; an unknown name is refused later, at validation.

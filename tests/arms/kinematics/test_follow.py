@@ -160,17 +160,17 @@ def test_damping_reports_the_pose_error_at_a_singularity():
         ("moves.0: the move needs a `duration`", [Line(by=[0.1, 0, 0])], {}),
         ("moves.0: `Line` must change the position", [Line(by=[0, 0, 0], duration=1.0)], {}),
         ("either `to` or `by`", [Line(by=[0, 0, 0.1], to=[0, 0, 0.1], duration=1.0)], {}),
-        ("`acceleration` is missing|acceleration` is missing", [Line(by=[0, 0, 0.1], speed=1.0)], {}),
+        ("moves.0: `Line.acceleration` is missing", [Line(by=[0, 0, 0.1], speed=1.0)], {}),
         ("its radius is 0", [Circle(center=[0.30701957005161, 0, 0], axis=[0, 0, 1], duration=1.0)], {}),
         ("`Pause.duration` must be given", [Pause()], {}),
         ("must be the tool.s pose at the start", [Through(poses=[[0, 0, 1], [0, 0, 0.5]], times=[0, 1])], {}),
-        ("by 140 degrees", [Through(poses=[[0.4, 0, 0.5, 0.8, -0.2, 0.5, 0.1]], duration=1.0)], {}),
+        ("by 1[0-9]+ degrees", [Through(poses=[[0.4, 0, 0.5, 0.8, -0.2, 0.5, 0.1]], duration=1.0)], {}),
         ("`tolerance` must be in", [Pause(duration=1.0)], {"tolerance": 0.0}),
         ("strictly inside the joint limits", [Pause(duration=1.0)], {"posture": [9, 0, 0, -1, 0, 1, 0]}),
     ],
 )
 def test_impossible_moves_are_errors_with_the_reason(message, moves, more):
-    with pytest.raises(DefinitionError, match=message.replace("by 140", "by 1[0-9]+")):
+    with pytest.raises(DefinitionError, match=message):
         follow(arms.panda(), moves, start=home("panda"), **more)
 
 
