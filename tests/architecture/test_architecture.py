@@ -53,7 +53,7 @@ def test_imports_follow_the_layers_of_the_subpackages():
     assert "KEPT" in in_a_fresh_interpreter(code, ROOT)
 
 
-def those(paths, wrong):
+def paths_with_errors(paths, wrong):
     """Return the paths whose text is wrong. A single test over all paths is 100 times as fast as a test for each."""
     return [str(path) for path in paths if wrong(path.read_text(encoding="utf-8"))]
 
@@ -61,11 +61,11 @@ def those(paths, wrong):
 @pytest.mark.parametrize("folder", ["src", "tests", "scripts", "benchmarks", "examples"])
 def test_no_module_is_longer_than_500_lines(folder):
     paths = sorted((ROOT / folder).rglob("*.py"))
-    assert paths and not those(paths, lambda text: len(text.splitlines()) > LONGEST)
+    assert paths and not paths_with_errors(paths, lambda text: len(text.splitlines()) > LONGEST)
 
 
 def test_every_module_has_a_docstring():
-    assert MODULES and not those(MODULES, lambda text: not text.startswith('"""'))
+    assert MODULES and not paths_with_errors(MODULES, lambda text: not text.startswith('"""'))
 
 
 def public(room):
@@ -130,7 +130,7 @@ def test_classes_are_abstract_or_final(room):
 
 
 def test_no_module_uses_a_star_import():
-    assert not those(MODULES, lambda text: "import *" in text)
+    assert not paths_with_errors(MODULES, lambda text: "import *" in text)
 
 
 def enrolled_kinds():
@@ -216,11 +216,11 @@ from slidax.design import design, read_problem
 from slidax.scenarios import load
 from slidax.simulation.states import states_of
 from tests.paper_examples import plant_4_1
-asked = read_problem("examples/design/two-link.yaml")
+problem = read_problem("examples/design/two-link.yaml")
 scenario, robot = load("example-4.1"), plant_4_1().robot
-for ask in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario), lambda: design(asked)):
+for compute in (lambda: states_of(robot, np.zeros((1, 2))), lambda: certify(scenario), lambda: design(problem)):
     try:
-        ask()
+        compute()
     except DefinitionError as error:
         print(error)
 """

@@ -71,7 +71,7 @@ def test_exit_code_is_0_if_one_run_reaches_its_end(tmp_path):
     assert "The report is in" in result.stdout and (out / "report.html").exists()
 
 
-def test_at_1_khz_all_schemes_are_compared_in_sampled_data_form():
+def test_compare_uses_the_sampled_data_form_of_each_scheme_at_1_khz():
     names = "cftsmppc,ftsmppc,ftsmc,sfsmc,slotine_li,computed_torque"
     result = in_process("compare", "example-4.1-1khz", "--schemes", names, "--json", code=0)
     schemes = json.loads(result.stdout)["schemes"]

@@ -45,8 +45,8 @@ def test_a_designed_scenario_runs_and_holds_in_unseen_cases(requirements, tmp_pa
     answer = answer_of("design", str(requirements), "--out", str(out), "--runs", "16")
     assert answer["designed"] is True and answer["proof"] == "tested"
     assert [item["name"] for item in answer["certificates"]] == ["admissibility", "statistical"]
-    beside = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
-    assert beside["certificates"] == answer["certificates"]
+    saved = json.loads((tmp_path / "law.certificate.json").read_text(encoding="utf-8"))
+    assert saved["certificates"] == answer["certificates"]
     text = out.read_text(encoding="utf-8")
     assert "# Tested in simulation, not proved" in text and "certified by" not in text.lower()
     scenario = load(out)

@@ -61,7 +61,8 @@ def test_a_mounted_arm_has_its_gravity_in_law_and_simulation(tmp_path):
     scenario = scenarios.load(file)
     for arm in (scenario.controller.nominal, scenario.plant.robot):
         assert arm.gravity_vector.tolist() == [0.0, 9.81, 0.0]
-    in_process("new", "--robot", "ur5e", "--gravity", "0,9.81", code=2)
+    refused = in_process("new", "--robot", "ur5e", "--gravity", "0,9.81", code=2)
+    assert "the gravity must be three numbers" in refused.stderr
 
 
 def test_impossible_inertias_are_refused_with_strict_and_otherwise_corrected(tmp_path):
@@ -72,7 +73,8 @@ def test_impossible_inertias_are_refused_with_strict_and_otherwise_corrected(tmp
     out = tmp_path / "arm.yaml"
     in_process("new", "--robot", str(file), "--out", str(out), code=0)
     assert "inertias: nearest" in out.read_text(encoding="utf-8")
-    in_process("new", "--robot", "panda", "--inertias", "strict", code=2)
+    built_in = in_process("new", "--robot", "panda", "--inertias", "strict", code=2)
+    assert "`inertias` are only for robot files" in built_in.stderr
 
 
 def test_a_locked_joint_is_not_part_of_the_arm(tmp_path):

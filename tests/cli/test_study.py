@@ -12,7 +12,7 @@ from .commands import STUDY, answer_of, in_process
 TEXT = STUDY + "runs: 64"
 
 
-def test_a_study_is_written_resumed_and_its_rows_become_scenarios(tmp_path):
+def test_a_study_is_written_and_resumed_and_its_rows_become_scenarios(tmp_path):
     file, out = tmp_path / "study.yaml", tmp_path / "out"
     file.write_text(TEXT, encoding="utf-8")
     answer = answer_of("study", str(file), "--out", str(out))

@@ -38,7 +38,7 @@ COMPUTED = {
     "a loop": lambda: (lambda x: lax.fori_loop(0, 5, lambda i, a: a * 0.5 + i, x), X),
     "a swap": lambda: (lambda x, y: lax.fori_loop(0, 3, lambda i, a: (a[1], a[0] + a[1]), (x, y)), X, Y),
     "a while": lambda: (lambda x: lax.while_loop(lambda a: jnp.all(a < 9.0), lambda a: a * a + 1.1, x), X),
-    "a while that asks what its turn uses": lambda: (
+    "a while whose condition and body share a sum": lambda: (
         lambda x: lax.while_loop(lambda a: jnp.sum(a * a) < 90.0, lambda a: a * (1.0 + jnp.sum(a * a)) - 0.1, x),
         X,
     ),
@@ -115,7 +115,7 @@ def test_generated_c_agrees_between_two_compilers(in_c, tmp_path):
 
 
 @needs_a_compiler
-def test_a_single_precision_program_has_no_double(tmp_path):
+def test_c_in_single_precision_has_no_double_and_agrees_with_jax(tmp_path):
     names = [name for name in CASES if name not in BITS]
     function, args = all_at_once(names)
     assert "double" not in c_code(trace(function, args), real="float")
@@ -163,7 +163,7 @@ def test_integer_division_is_defined_for_zero_and_overflow(tmp_path):
 
 @needs_a_compiler
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_one_number_that_is_not_finite_is_found_among_many(tmp_path, real):
+def test_the_finiteness_check_detects_one_bad_number_among_many(tmp_path, real):
     helpers = Helpers(Dialect(real=real))
     name = helpers.name_of("all_finite", "f64")
     wrapper = (

@@ -107,14 +107,17 @@ def test_values_used_once_are_written_inline():
     assert text(b.apply("sin", product), product) == ["const double v1 = a * b;", "y0 = sin(v1);", "y1 = v1;"]
 
 
-def test_generated_lines_have_at_most_100_characters():
+@pytest.mark.parametrize("prefix", ["", "a_long_name_of_an_input_"], ids=["short names", "long names"])
+def test_generated_lines_have_at_most_7_operations_and_100_characters(prefix):
     b = Builder()
-    inputs, text = named(b, 8)
+    inputs, _ = named(b, 8)
     value = inputs[0]
     for k in range(60):
         value = b.apply("sin", b.apply("add", b.apply("mul", value, inputs[k % 8]), inputs[(k + 3) % 8]))
-    assert max(map(len, text(value))) <= 100
-    assert all(len(re.findall(r"[-+*/(]", line)) < 20 for line in text(value))
+    lines = statements(b.program, [("y", value)], lambda k, e: prefix + b.program.inputs[k].name).lines
+    operations = [len(re.findall(r" [+*] |sin\(", line)) for line in lines]
+    assert sum(operations) == 180
+    assert max(operations) <= 7 and max(map(len, lines)) <= 100
 
 
 @pytest.mark.parametrize("counted", [True, False], ids=["for", "while"])

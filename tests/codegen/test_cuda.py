@@ -114,10 +114,12 @@ def test_a_wrong_array_is_reported_by_its_name():
         pack_inputs(program, [start], RUNS, "double")
 
 
-def test_without_a_gpu_the_remedy_is_named():
+def test_a_cuda_kernel_without_a_gpu_is_refused_with_the_remedy():
     if cuda.card_available():
         pytest.skip("there is a card")
-    with pytest.raises(DefinitionError, match=r"slidax\[cuda\]|driver|on the CPU"):
+    with pytest.raises(
+        DefinitionError, match=r"run `pip install \"slidax\[cuda\]\"`|install its driver|compute on the CPU"
+    ):
         cuda.CudaKernel(pendulum())
 
 

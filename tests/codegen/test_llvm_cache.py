@@ -12,7 +12,7 @@ from slidax.codegen.llvm import machine
 from .test_llvm import scaled
 
 
-def test_program_is_compiled_once_and_again_if_its_cache_file_is_damaged(folder, compilations):
+def test_a_cached_program_is_compiled_again_only_if_its_cache_file_is_damaged(folder, compilations):
     assert computed(scaled()) == computed(scaled()) == [3.0, 6.0]
     assert len(compilations) == 1
     (kept,) = folder.iterdir()

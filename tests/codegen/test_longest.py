@@ -59,7 +59,7 @@ def test_the_operation_count_is_that_of_the_longest_run(monkeypatch, x, turns_ta
     (y,) = interpreter.interpreted(program, np.array([x]))
     assert y.item() == x * 0.5**turns_taken
     taken, most = sum(value.op not in FREE for value in computed), count_operations(program).operations
-    assert (taken == most) if turns_taken == 20 else (taken == most - (20 - turns_taken) * 5)
+    assert taken == most - (20 - turns_taken) * 5
 
 
 def test_operations_of_the_longer_branch_and_of_called_functions_count():

@@ -44,11 +44,17 @@ def test_columns_and_reversed_rows_become_index_expressions():
 
 
 def test_cumulative_sum_keeps_its_order():
-    text = written(lambda x: jnp.cumsum(jnp.sin(x)), jnp.ones(N))
-    assert len([line for line in text if line.startswith("for")]) <= 1
-    sums = [line for line in text if "sin(" in line]
-    assert sums[:2] == ["v[0] = sin(x[0]);", "v[i + 1] = sin(x[i + 1]) + v[i];"]
-    assert text.index(sums[1]) < text.index(sums[2])
+    assert written(lambda x: jnp.cumsum(jnp.sin(x)), jnp.ones(N)) == [
+        "double v[5];",
+        "v[0] = sin(x[0]);",
+        "for (size_t i = 0; i < 4; ++i) {",
+        "v[i + 1] = sin(x[i + 1]) + v[i];",
+        "}",
+        "const double v6 = sin(x[5]) + v[4];",
+        "memcpy(out, v, 5 * sizeof v[0]);",
+        "out[5] = v6;",
+        "out[6] = sin(x[6]) + v6;",
+    ]
 
 
 def test_a_partial_sum_in_an_array_becomes_a_loop():
@@ -160,7 +166,7 @@ def test_equal_calls_are_merged_and_constants_are_not_passed():
     assert [function.name for function in functions(again)] == ["long"]
 
 
-def test_without_a_library_all_functions_are_inlined():
+def test_all_functions_are_inlined_without_a_library():
     program = trace(lambda x: _long(x, x), jnp.ones(N))
     assert not functions(program)
 

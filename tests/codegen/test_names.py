@@ -70,7 +70,7 @@ def by_keyword(x):
 )
 def test_value_has_the_name_that_the_source_gives_it(law, expected):
     firm, _ = names_in(law, X)
-    assert firm >= expected if law is entries_of_a_list else firm == expected
+    assert firm == expected
 
 
 def test_variable_name_belongs_to_the_result_of_a_call_only():

@@ -146,7 +146,7 @@ def by_the_diagonal(a):
 
 SOLVED = {
     "a root": lambda: (cubic_root, X[0]),
-    "a root with more beside it": lambda: (root_and_steps, X[0]),
+    "a root with auxiliary outputs": lambda: (root_and_steps, X[0]),
     "roots side by side": lambda: (jax.vmap(cubic_root), X),
     "the derivative of a root": lambda: (jax.grad(cubic_root), X[0]),
     "the derivatives of roots": lambda: (lambda x: jax.jvp(jax.vmap(cubic_root), (x,), (Y,)), X),
@@ -285,7 +285,7 @@ def test_a_nested_branch_on_the_same_condition_is_removed():
     assert not [value for value in program.walk() if value.op == "log"]
 
 
-def test_the_example_of_the_documentation_runs():
+def test_the_documented_native_example_computes_the_torques_of_its_law():
     text = (Path(__file__).parents[2] / "docs" / "native.md").read_text()
     (example,) = re.findall(r"```python\n(import jax.numpy.*?)```", text, re.DOTALL)
     names = {}

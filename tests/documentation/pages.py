@@ -1,4 +1,4 @@
-"""The pages of the documentation, and what stands in their blocks."""
+"""The pages of the documentation, and their code blocks."""
 
 from pathlib import Path
 

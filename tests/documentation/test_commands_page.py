@@ -2,8 +2,6 @@
 
 import re
 
-import pytest
-
 from scripts.documentation.commands import CODES, PAGE, commands_page
 from slidax.cli import app
 
@@ -31,11 +29,3 @@ def test_exit_codes_in_help_texts_and_in_the_table_are_the_same():
         for code in re.findall(r"(?:^|; )(\d+)[:,]", line.replace("\n", " "))
     }
     assert stated == set(CODES) - {1}
-
-
-@pytest.mark.parametrize("words", re.findall(r"^\| \[`(slidax [a-z0-9 ]+)`\]", TEXT, re.MULTILINE))
-def test_help_of_a_command_exits_with_code_0(words):
-    from typer.testing import CliRunner
-
-    result = CliRunner().invoke(app, [*words.split()[1:], "--help"])
-    assert result.exit_code == 0 and words in result.output

@@ -71,7 +71,7 @@ def test_a_batch_without_a_gpu_is_refused_with_the_missing_requirement():
         simulate_batch(shifted, VARIED, t1=0.1, period=1e-3, engine="cuda")
 
 
-def test_on_a_gpu_the_bits_are_those_of_the_native_engine():
+def test_a_batch_on_a_gpu_has_the_bits_of_the_native_engine():
     if not cuda.card_available():
         pytest.skip("CuPy or a card is missing")
     on_card, on_processor = (simulate_batch(shifted, VARIED, **LOGGED, engine=engine) for engine in ("cuda", "native"))

@@ -121,8 +121,9 @@ def test_the_same_inputs_give_the_same_bits(engine):
 def test_both_engines_give_a_failing_run_the_same_outcome(mode):
     loop, times = (plant_4_1(), law_4_1(), MOTION_4_1, START_4_1), {"t1": 9.0, "period": 4e-3, "mode": mode}
     runs = [simulate(*loop, **times, engine=engine) for engine in ("native", "xla")]
-    assert not runs[0].outcome.ok
-    assert [run.outcome.kind for run in runs] == [runs[0].outcome.kind] * 2
+    assert [(run.outcome.kind, run.outcome.joint) for run in runs] == [("left_envelope", 1)] * 2
+    # The torque chatters, so that rounding moves the exit.
+    assert runs[0].outcome.t == pytest.approx(runs[1].outcome.t, abs=0.02)
     for run in runs:
         assert len(run.log.t) == int(run.tally.samples)
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((run.log, run.tally.torque_travel)))
@@ -230,7 +231,7 @@ def test_an_error_in_the_law_is_raised_with_its_line():
         simulate(SMOOTH_PLANT, Written(wrong), MOTION_4_1, START_4_1, t1=0.1, period=0.01)
 
 
-def test_without_llvmlite_a_run_uses_xla_and_warns_if_native_was_requested(monkeypatch):
+def test_a_run_without_llvmlite_uses_xla_and_warns_if_native_was_requested(monkeypatch):
     monkeypatch.setattr(llvm, "available", lambda: False)
     loop = SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1
     with pytest.warns(UserWarning, match=r"llvmlite is not installed: pip install 'slidax\[native\]'"):

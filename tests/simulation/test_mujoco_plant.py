@@ -53,7 +53,7 @@ TREE = assemble(
 )
 PANDA = eqx.tree_at(lambda arm: arm.armature, arms.panda(), jnp.full(7, 0.1))
 ARMS = {"panda": PANDA, "tree": TREE}
-BY_TURNS = pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.full), "tree"])
+EACH_ARM = pytest.mark.parametrize("name", [pytest.param("panda", marks=pytest.mark.full), "tree"])
 """Daily tests use the tree, whose joint order differs from MuJoCo's; the Panda is simpler."""
 LOAD = TimedPayload(Payload(2.0, (0.01, -0.02, 0.1), np.diag([0.004, 0.005, 0.006])), attached=0.02, released=0.08)
 
@@ -84,7 +84,7 @@ def mechanics(arm, q, dq, tau):
     return arm.mass(q), arm.bias(q, dq), arm.acceleration(State(q, dq), tau), arm.tip(q)
 
 
-@BY_TURNS
+@EACH_ARM
 def test_mujocos_inertia_bias_acceleration_and_tip_match_slidax_with_and_without_payload(name):
     robot = ARMS[name]
     n = robot.joints
@@ -119,7 +119,7 @@ def test_a_released_payload_starts_with_the_velocity_of_the_tip():
     np.testing.assert_allclose(world.body[:3], place, rtol=0, atol=1e-7)
 
 
-@BY_TURNS
+@EACH_ARM
 def test_mujoco_with_semi_implicit_euler_gives_the_run_of_slidax(name):
     """The payload is attached and released, and the disturbance changes within the periods."""
     n = ARMS[name].joints
@@ -131,7 +131,7 @@ def test_mujoco_with_semi_implicit_euler_gives_the_run_of_slidax(name):
     assert np.abs(np.diff(ours.log.state.q, axis=0)).max() > 1e-3
 
 
-def test_with_sensors_and_drives_mujoco_gives_the_run_of_slidax():
+def test_mujoco_with_sensors_and_drives_gives_the_run_of_slidax():
     """Torques with limits, rate, lag and dead time; measurements with delay, noise and lost samples."""
     drive = Actuator(TorqueLimits(40.0, 4000.0), time_constant=2e-3, dead_time=1.4)
     sensor = Lossy(Delayed(Encoders(0.0, position_noise=1e-5, seed=2), 1.0), 0.2)
@@ -149,7 +149,7 @@ def damped():
     return smooth_loop(assemble([joints[0], turned_hinge], tip="hinge link"))
 
 
-def test_runge_kutta_of_mujoco_agrees_also_with_viscous_friction(damped):
+def test_mujoco_with_runge_kutta_and_viscous_friction_gives_the_run_of_slidax(damped):
     theirs, ours = both(*damped, integrator=runge_kutta_4)
     np.testing.assert_allclose(theirs.log.state.q, ours.log.state.q, rtol=0, atol=1e-11)
 
@@ -190,7 +190,7 @@ def test_a_joint_stops_at_its_limit_if_limits_are_simulated():
 
 
 @pytest.mark.full
-def test_both_engines_give_the_same_run_whatever_is_logged():
+def test_both_engines_give_the_same_mujoco_run_whatever_is_logged():
     loop = smooth_loop(TREE, load=LOAD, sensor=Encoders(resolution=1e-6), actuator=Actuator(time_constant=1e-3))
     plant = MujocoPlant.of(loop[0])
     how = {"t1": 0.1, "period": 1e-3, "substeps": 2}
@@ -267,7 +267,7 @@ def test_the_plant_of_slidax_runs_without_mujoco(monkeypatch):
     assert simulate(SMOOTH_PLANT, SPRING, MOTION_4_1, START_4_1, t1=0.1, period=0.01).outcome.ok
 
 
-def test_the_progress_bar_is_shown_on_request(capfd):
+def test_a_mujoco_run_shows_its_progress_bar_on_request(capfd):
     plant, *rest = smooth_loop(TREE)
     simulate(MujocoPlant.of(plant), *rest, t1=0.01, period=1e-3, progress=True)
     assert "simulating" in capfd.readouterr().err

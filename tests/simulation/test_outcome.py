@@ -127,8 +127,7 @@ def test_an_unstable_loop_ends_with_an_outcome_not_with_nan():
 
 
 @pytest.mark.parametrize("target", [0.5, -0.5])
-def test_an_error_on_its_bound_is_outside_on_either_side(target):
-    """The outcome names the bound that the arm reaches, the upper or the lower."""
+def test_the_outcome_has_the_bound_upper_or_lower_that_the_error_reached(target):
     law = BoundedLaw(FREE, jnp.asarray(0.1))
     start = State(q=jnp.array([np.pi / 2, 0.0]), dq=jnp.array([target, 0.0]))
     run = simulate(SMOOTH_PLANT, law, ConstantPosture([np.pi / 2, 0.0]), start, t1=2.0, period=0.01)

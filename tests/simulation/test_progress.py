@@ -20,7 +20,7 @@ def test_a_run_draws_its_progress_bar_on_standard_error_only(capfd):
 
 
 @pytest.mark.parametrize("progress", [False, None])
-def test_no_progress_bar_without_a_terminal_or_if_switched_off(capfd, progress):
+def test_a_run_without_a_terminal_or_with_progress_off_shows_no_progress_bar(capfd, progress):
     run(progress)
     assert capfd.readouterr() == ("", "")
 

@@ -137,7 +137,7 @@ def test_a_run_without_an_envelope_has_outcome_ok():
     assert done.outcome.ok
 
 
-def test_without_recovery_the_first_sample_outside_ends_the_run():
+def test_the_first_sample_outside_ends_a_run_without_recovery():
     done = run(outside="raise")
     assert done.outcome.kind == "left_envelope"
     assert done.outcome.t == came_back().outcome.t

@@ -73,7 +73,7 @@ def test_ftsmppc_error_and_torque_variation_match_the_recomputation():
     np.testing.assert_allclose(run.tally.steady_error, [4.2e-7, 7.2e-7], rtol=0.02)
 
 
-def test_sfsmc_initial_torque_and_settling_match_the_recomputation():
+def test_sfsmc_has_the_recomputed_initial_torque_and_settles_earlier_than_in_the_paper():
     run = example_4_2(sfsmc_4_2(), t1=4.0)
     np.testing.assert_allclose(np.abs(run.tally.first_torque)[2], 44.4, rtol=0.01)
     # Table 3 has 2.20, 2.12, 2.35 s, to a band that it does not state.

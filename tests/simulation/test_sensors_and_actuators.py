@@ -66,7 +66,7 @@ def test_a_delay_of_one_period_shifts_samples_by_one_period():
     assert np.all(log.signals["q"][2:] != log.state.q[2:])
 
 
-def test_while_samples_are_lost_torque_and_memory_are_held():
+def test_torque_and_memory_are_held_while_samples_are_lost():
     log = run(Lossy(Exact(), starts=[10], counts=[5])).log
     np.testing.assert_array_equal(log.tau[10:15], np.broadcast_to(log.tau[9], (5, 2)))
     assert np.all(log.tau[15] != log.tau[9])
@@ -167,6 +167,6 @@ def test_equal_seeds_give_equal_bits_and_other_seeds_other_bits():
 
 
 @pytest.mark.parametrize("log_every", [None, 7])
-def test_with_sensors_and_drives_the_tally_does_not_depend_on_the_log(log_every):
+def test_the_tally_with_sensors_and_drives_does_not_depend_on_the_log(log_every):
     parts = (Lossy(Delayed(NOISY, 1.4), 0.2), Actuator(TorqueLimits(40.0, 900.0), 5e-3, 0.5))
     assert_same(run(*parts, log_every=log_every).tally, run(*parts).tally)

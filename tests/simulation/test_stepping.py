@@ -65,6 +65,9 @@ for change in ({"mode": "contineous"}, {"outside": "go on"}, {"limits": "none"},
     except sx.DefinitionError as error:
         print(error)
 """
-    messages = in_a_fresh_interpreter(code).splitlines()
-    assert len(messages) == 4
-    assert messages[0] == "`Stepping.mode` must be one of `held`, `continuous`; got 'contineous'"
+    assert in_a_fresh_interpreter(code).splitlines() == [
+        "`Stepping.mode` must be one of `held`, `continuous`; got 'contineous'",
+        "`Stepping.outside` must be one of `raise`, `recover`; got 'go on'",
+        "`Stepping.limits` must be one of `check`, `ignore`; got 'none'",
+        "`Stepping.engine` must be one of `auto`, `native`, `xla`, `cuda`; got 'fast'",
+    ]

@@ -73,7 +73,7 @@ def test_tasks_cover_every_arm_and_every_difficulty():
 FITTING = [
     pytest.param(name, ["cftsmppc"] if daily else None, marks=[] if daily else [pytest.mark.full])
     for name in names()
-    for daily in (True, False)
+    for daily in ((True, False) if name != TASK else (True,))
 ] + [pytest.param(TASK, None, id="all of them")]
 
 

@@ -36,8 +36,8 @@ def test_a_run_of_a_sweep_equals_the_single_run_with_its_values(scenario):
     [
         ({GAIN: [0.1, 0.2], "start.q": [[0.1, 2.1]]}, "the same number of values"),
         ({}, "the same number of values"),
-        ({"scheme.surface.k9": [1.0]}, "k9"),
-        ({GAIN: [0.1, -1.0]}, "k1"),
+        ({"scheme.surface.k9": [1.0]}, "scheme.surface.k9: there is no `k9` here"),
+        ({GAIN: [0.1, -1.0]}, "`SmoothFixedTime.k1` must be > 0"),
         ({"simulation.period": [1e-3, 2e-3]}, "cannot vary within a compiled loop"),
     ],
 )

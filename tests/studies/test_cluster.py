@@ -23,7 +23,12 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pyte
 
 @pytest.mark.parametrize(
     ("where", "words"),
-    [("local", "a number of processes"), ("local:x", "got `local:x`"), ("local:0", "number"), ("farm:8786", "tcp://")],
+    [
+        ("local", "a number of processes"),
+        ("local:x", "got `local:x`"),
+        ("local:0", "got `local:0`"),
+        ("farm:8786", "tcp://"),
+    ],
 )
 def test_an_invalid_cluster_address_is_refused_with_the_reason(where, words):
     with pytest.raises(DefinitionError, match=words):

@@ -8,12 +8,12 @@ from scipy import stats
 from scipy.optimize import rosen
 
 from slidax.core.errors import DefinitionError
-from slidax.studies import search as island_file
 from slidax.studies.pareto import FrontEvaluation, non_dominated, pareto_search, thin_front
-from slidax.studies.search import distinct_minima, search_lowest, spread_points
+from slidax.studies.search import distinct_minima, require_cmaes, search_lowest, spread_points
 from slidax.studies.sensitivity import points_for_indices, sobol_indices
 
 pytest.importorskip("cmaes")
+pytest.importorskip("SALib")
 
 
 def bowl(x):
@@ -105,7 +105,7 @@ def test_an_invalid_search_or_a_missing_cmaes_is_refused(monkeypatch):
         search_lowest(lambda x: x, 2, evaluations=10)
     monkeypatch.setitem(sys.modules, "cmaes", None)
     with pytest.raises(DefinitionError, match=r"slidax\[studies\]"):
-        island_file.require_cmaes()
+        require_cmaes()
 
 
 def test_the_first_search_points_are_the_centre_the_corners_and_an_even_spread():
@@ -120,9 +120,6 @@ def test_distinct_minima_are_the_lowest_points_of_their_neighbourhoods():
     points, values = np.array([[0.0], [0.1], [0.5], [0.55], [1.0]]), np.array([3.0, 1.0, 2.0, 1.5, 9.0])
     assert distinct_minima(points, values, 3, 0.2).tolist() == [1, 3, 4]
     assert distinct_minima(points, values, 2, 0.2).tolist() == [1, 3]
-
-
-pytest.importorskip("cmaes")
 
 
 def two_bowls(x):
@@ -181,13 +178,13 @@ def test_the_pareto_search_evaluates_its_start_and_improves_on_it():
     assert np.any(np.all(front.aims < front.start, axis=1))
 
 
-def test_the_same_seed_gives_the_same_front():
+def test_the_same_seed_gives_the_same_pareto_front():
     item, same, other = (pareto_search(free, 3, evaluations=300, seed=seed).points for seed in (1, 1, 2))
     np.testing.assert_array_equal(item, same)
-    assert item.shape != other.shape or np.any(item != other)
+    assert not np.array_equal(item, other)
 
 
-def test_points_without_a_finite_value_are_rejected_without_an_error():
+def test_the_pareto_search_rejects_points_without_a_finite_value():
     def gaps(x):
         return FrontEvaluation(np.where(x[:, :1] < 0.3, np.nan, two_bowls(x)), np.full(len(x), -1.0))
 
@@ -206,9 +203,6 @@ def test_the_pareto_search_works_with_one_and_three_objectives():
 def test_a_start_outside_the_unit_cube_is_refused():
     with pytest.raises(DefinitionError, match="point of the unit cube"):
         pareto_search(free, 3, evaluations=10, start=np.array([0.5, 2.0, 0.5]))
-
-
-pytest.importorskip("SALib")
 
 
 def ishigami(x):
@@ -249,14 +243,14 @@ def test_grouped_inputs_have_one_sobol_index():
     np.testing.assert_allclose(ours.first, [2 / 3, 1 / 3], atol=0.05)
 
 
-def test_an_idle_input_has_index_zero_and_a_constant_function_has_none():
+def test_an_idle_input_and_each_input_of_a_constant_function_have_index_zero():
     ours = indices_of(lambda x: 2.0 * x[:, 0], 3)
     np.testing.assert_allclose(ours.total, [1.0, 0.0, 0.0], atol=0.02)
     nothing = indices_of(lambda x: np.ones(len(x)), 2)
     assert nothing.variance == 0.0 and nothing.total.tolist() == [0.0, 0.0]
 
 
-def test_the_same_seed_gives_the_same_intervals_whatever_numpy_s_state_is():
+def test_the_same_seed_gives_the_same_intervals_in_any_state_of_numpys_generator():
     np.random.seed(0)  # noqa: NPY002
     item = indices_of(ishigami, 3, seed=0)
     np.random.seed(5)  # noqa: NPY002

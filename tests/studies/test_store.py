@@ -40,8 +40,6 @@ else:
 
 def killed_after(seconds: float, out: Path, **changes: Any) -> bool:
     """True if the resumed study ended before its process was killed after `seconds`."""
-    import json
-
     text = json.dumps({**STUDY, **changes})
     with subprocess.Popen([sys.executable, "-c", PROCESS, text, str(out), ""], stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -122,18 +120,24 @@ def test_twenty_kills_at_random_moments_lose_no_row(tmp_path):
     assert_same_rows(tmp_path / "out", tmp_path / "whole", 6000)
 
 
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_a_folder_with_another_study_or_other_files_is_refused_and_unchanged(tmp_path):
     ran(tmp_path / "out", runs=64)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.tex").write_text("", encoding="utf-8")
+    before = contents(tmp_path)
     with pytest.raises(DefinitionError, match="--resume"):
         ran(tmp_path / "out", runs=64)
     with pytest.raises(DefinitionError, match="another study"):
         ran(tmp_path / "out", resume=True, seed=6, runs=64)
     with pytest.raises(DefinitionError, match="another study"):
         ran(tmp_path / "out", resume=True, changes={"simulation.t1": 0.3}, runs=64)
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "thesis.tex").write_text("", encoding="utf-8")
     with pytest.raises(DefinitionError, match="is not empty"):
         ran(tmp_path / "other", runs=64)
+    assert contents(tmp_path) == before
 
 
 def test_a_resumed_study_with_more_or_fewer_runs_has_exactly_these_rows(tmp_path):
@@ -213,7 +217,7 @@ def test_a_comparison_in_two_parts_gives_the_rows_of_the_whole_comparison(tmp_pa
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "a/b", "1/2/3", "-1/2", "1.0/2", "１/２", "1/99999999"])
-def test_the_part_of_a_study_must_be_a_number_and_a_count_such_as_2_of_4(text):
+def test_a_malformed_part_of_a_study_is_refused_with_an_example(text):
     with pytest.raises(DefinitionError, match=r"such as 2/4"):
         Part.parsed(text)
 

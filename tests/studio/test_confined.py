@@ -11,8 +11,10 @@ from slidax.studio.confined import Watch
 @contextmanager
 def _descriptor(path):
     handle = os.open(path, os.O_RDONLY)
-    yield handle
-    os.close(handle)
+    try:
+        yield handle
+    finally:
+        os.close(handle)
 
 
 PROBE = """

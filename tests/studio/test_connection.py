@@ -152,5 +152,6 @@ def test_a_client_that_does_not_read_does_not_block_others(port):
     with opened(port, GOOD) as page:
         assert status(page) == 200
     time.sleep(1.5)
+    assert all(is_closed(link, 5.0) for link in links)
     for link in links:
         link.close()

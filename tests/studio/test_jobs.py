@@ -68,14 +68,14 @@ def test_a_cancelled_job_and_its_children_end(client):
     while client.get(f"/api/jobs/{job['id']}").json()["state"] == "waiting":
         time.sleep(0.05)
     time.sleep(1.0)
-    running = [pid for pid in os.listdir("/proc") if pid.isdigit() and said_of(pid, job["command"].split()[1])]
+    running = [pid for pid in os.listdir("/proc") if pid.isdigit() and is_process_of(pid, job["command"].split()[1])]
     assert running and client.delete(f"/api/jobs/{job['id']}").json()["state"] == "cancelled"
     assert not any(alive(int(pid)) for pid in running)
     assert client.delete(f"/api/jobs/{job['id']}").status_code == 200
     assert client.get(f"/api/jobs/{job['id']}").status_code == 404
 
 
-def said_of(pid, word):
+def is_process_of(pid, word):
     try:
         line = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace")
     except OSError:

@@ -127,7 +127,7 @@ def test_every_request_field_is_checked_for_its_type(do):
                 read_request(json.dumps({k: v for k, v in VALID[do].items() if k != field}).encode(), kind)
 
 
-def test_requests_that_once_crashed_the_worker_are_refused(asker):
+def test_requests_with_wrong_types_or_incomplete_surrogates_are_refused(asker):
     bad = (
         ("check", b'{"name": "example-4.1", "changes": {"title": "\\ud800"}}'),
         ("check", {"name": "example-4.1", "changes": [1]}),

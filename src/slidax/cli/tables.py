@@ -213,7 +213,7 @@ def _section(section: Section) -> Table:
 
 
 def _written(cell: str | float | int | None) -> str:
-    if cell is None:
+    if cell is None or cell != cell:
         return "–"
     return digits_of(cell) if isinstance(cell, float) else str(cell)
 

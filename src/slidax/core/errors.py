@@ -18,6 +18,8 @@ from jaxtyping import Array
 LONGEST = 80
 """Most characters of a value or a name in a message."""
 
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
 # Python 3.11 takes no keywords here.
 _SHORT = Repr()
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxstring = _SHORT.maxother = LONGEST
@@ -199,6 +201,19 @@ def as_array(value: Any) -> Array:
         return jax.device_put(np.asarray(value, dtype=float))
     except (TypeError, ValueError) as error:
         raise DefinitionError(f"a number or a list of numbers is needed; got {short_repr(value)}") from error
+
+
+def parse_number(text: str) -> float:
+    """Return the finite number in a text, such as `2`, `-0.5` or ` 1e-3 `.
+
+    - `text`: a decimal number. Unlike `float`, it must not have the form `1_5`, `nan` or `inf`, or non-ASCII digits.
+
+    Raises ValueError for any other text.
+    """
+    number = float(text) if _NUMBER.fullmatch(text.strip()) else math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"`{plain_name(text)}` is not a finite number")
+    return number
 
 
 def float_array(name: str, value: Any) -> np.ndarray:

@@ -78,21 +78,32 @@ FILES = {
     )
 }
 
+DOUBLES_ONLY = "the guarantee covers only a step in doubles: export without --float (single=False)"
+"""Message that refuses an admission for a step in floats."""
+
 OF_TRAJECTORIES = {f"onboard/guarantee.{end}.j2": f"{{prefix}}_guarantee.{end}" for end in ("c", "h")}
 
 
-def export_admission(scenario: Scenario, exported: CProject, out: str | Path, *, trajectories: bool = False) -> None:
+def export_admission(
+    scenario: Scenario,
+    exported: CProject,
+    out: str | Path,
+    *,
+    trajectories: bool = False,
+    certified: CertifiedLaw | None = None,
+) -> None:
     """Write C code that admits or rejects motions for a scenario's law, into the folder `out` of its C project.
 
     - `exported`: the scenario's C project, with doubles.
     - `trajectories`: also write C code that applies this check to the trajectories that a robot's program receives.
+    - `certified`: `CertifiedLaw.of(scenario)`, if it is already known.
 
     Raises DefinitionError if the step computes in floats, if no error bound covers the law (see `CertifiedLaw.of`), or
     if the folder cannot be written.
     """
     if exported.real != "double":
-        raise DefinitionError("the guarantee covers only a step in doubles: export without --float (single=False)")
-    law, law_in_samples = CertifiedLaw.of(scenario), scenario.controller
+        raise DefinitionError(DOUBLES_ONLY)
+    law, law_in_samples = certified or CertifiedLaw.of(scenario), scenario.controller
     assert isinstance(law_in_samples, SampledData)
     numbers = _Numbers.of(law, law_in_samples)
     allowed = admission.allowed_error(scenario)
@@ -282,12 +293,12 @@ class _Kernels:
 def _groups(loop: JointLoop, p: float) -> tuple[list[float], list[int]]:
     """Return growth rates [1/s], multiples of 0.25, and the kernel length that suffices up to each of them [periods].
 
-    The last growth rate is the largest that is at most half of the loop's decay rate and for which kernels exist.
+    They reach half of the loop's decay rate, rounded up as in `Problem`, or end where kernels no longer exist.
 
     - `p`: band of the inertia ratio, from 1/(1 + p) to 1/(1 - p).
     """
     lengths: dict[int, float] = {}
-    for quarter in range(int(np.floor(2.0 * loop.decay)) + 1):
+    for quarter in range(int(np.ceil(2.0 * loop.decay)) + 1):
         try:
             lengths[loop_kernels.kernel_length(loop, p, 0.25 * quarter)] = 0.25 * quarter
         except DefinitionError:

@@ -228,7 +228,7 @@ class CProject:
     @property
     def outputs(self) -> list[Member]:
         """Members of the C structure of a command: torques and signals."""
-        units = _joint_units([joint.tau for joint in self.joints])
+        units = units_text([joint.tau for joint in self.joints])
         return [Member("tau", "f64", (len(self.joints),), f"torques [{units}]"), *self.step.signals]
 
     @property
@@ -303,14 +303,14 @@ class CProject:
             meaning = member.meaning
             if member.shape:
                 unit = units[member.name.removesuffix("_next")]
-                meaning += f" [{_joint_units([joint.q + unit for joint in self.joints])}]"
+                meaning += f" [{units_text([joint.q + unit for joint in self.joints])}]"
             if names.get(member.name, "") not in {*self.guard.reads, ""}:
                 meaning += "; not read by this law, may be anything"
             marked.append(replace(member, meaning=meaning))
         return marked
 
 
-def _joint_units(units: list[str]) -> str:
+def units_text(units: Sequence[str]) -> str:
     """Return the units of all joints; a single unit if all are equal."""
     return units[0] if len(set(units)) == 1 else ", ".join(units)
 

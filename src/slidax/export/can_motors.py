@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from slidax.core.errors import DefinitionError, each_of, nearest_word
 from slidax.scenarios.scenario import Scenario
 
 from .c_project import CProject, export_c, write_files
+from .guarded_step import own_plant
 from .onboard.can_motors import run_can
 from .robots import RobotLimits, write_onboard
 
@@ -67,24 +70,31 @@ def export_can(
     if len(motors) != joints:
         raise DefinitionError(f"`motors` must have a name for {each_of(joints, 'joint')}; got {len(motors)}")
     chosen = [MOTORS[word] for word in motors]
+    _check(scenario, chosen)
     exported = export_c(scenario, out / "law", name=name, single=single, command=command, golden=golden)
     limits = RobotLimits.of(scenario, exported)
-    if exported.delay < 1:
-        raise DefinitionError(
-            "a CAN motor answers a torque with its state, which the law reads one period later: set the sensor's delay "
-            "with `--set sensor.delay=1`",
-            where="sensor.delay",
-        )
-    if limits.unit != "rad" or len({joint.q for joint in exported.joints}) > 1:
-        raise DefinitionError("CAN motors drive only revolute joints; the scenario's arm has a prismatic joint")
-    for k, motor in enumerate(chosen):
-        if not limits.torque[k] <= motor.torque:
-            raise DefinitionError(
-                f"the torque limit of joint {k + 1} is {limits.torque[k]:g} N m, above the largest torque in a frame "
-                f"of {motor.name}, {motor.torque:g} N m: lower `actuator.torque`, or choose another motor"
-            )
     write_onboard(
         exported, limits, out, {"program.py": run_can}, sources=("can",), more={"motors": [*map(asdict, chosen)]}
     )
     write_files(exported, out, {"can/README.md.j2": "README.md"}, o=limits, motors=chosen)
     return exported
+
+
+def _check(scenario: Scenario, motors: Sequence[CanMotor]) -> None:
+    """Raise DefinitionError if the scenario's delay, joints or torque limits do not fit the joints' motors."""
+    plant = own_plant(scenario)
+    if scenario.description.timing.whole_periods < 1:
+        raise DefinitionError(
+            "a CAN motor answers a torque with its state, which the law reads one period later: set the sensor's delay "
+            "with `--set sensor.delay=1`",
+            where="sensor.delay",
+        )
+    if set(plant.robot.joint_units) != {"rad"}:
+        raise DefinitionError("CAN motors drive only revolute joints; the scenario's arm has a prismatic joint")
+    torque = np.inf if plant.actuator is None else np.asarray(plant.actuator.limits.torque)
+    for k, (limit, motor) in enumerate(zip(np.broadcast_to(torque, len(motors)), motors, strict=True)):
+        if not limit <= motor.torque:
+            raise DefinitionError(
+                f"the torque limit of joint {k + 1} is {limit:g} N m, above the largest torque in a frame "
+                f"of {motor.name}, {motor.torque:g} N m: lower `actuator.torque`, or choose another motor"
+            )

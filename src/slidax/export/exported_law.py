@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, nearest_word
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, short_repr
 
 from .onboard.pilot import C_TYPES, compile_library
 
@@ -117,8 +117,18 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
 
     def __setitem__(self, name: str, value: Any) -> None:
         size = self._sizes[self._known(name)]
-        numbers = np.broadcast_to(np.asarray(value, float), (size,) if size else ())
-        setattr(self._parameters, name, tuple(numbers.tolist()) if size else float(numbers))
+        numbers = _floats(value, name)
+        if numbers.shape not in (((), (1,), (size,)) if size else ((),)):
+            expected = f"one number or {size} numbers" if size > 1 else "one number"
+            shape = f"shape {list(numbers.shape)}" if numbers.ndim > 1 else count_noun(numbers.size, "number")
+            raise DefinitionError(f"`{name}` must be {expected}; got {shape}")
+        setattr(self._parameters, name, tuple(np.broadcast_to(numbers, size).tolist()) if size else float(numbers))
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a parameter's value, or `default` if the law has no such parameter."""
+        if name not in self:
+            return default
+        return self[name]
 
     def __delitem__(self, name: str) -> None:
         raise DefinitionError(f"the parameter `{name}` is part of the exported law and cannot be removed")
@@ -138,7 +148,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         return name
 
     def _numbers(self, value: Any, name: str, *rows: int) -> np.ndarray:
-        numbers, shape = np.asarray(value, float), (*rows, self.joints)
+        numbers, shape = _floats(value, name), (*rows, self.joints)
         if numbers.shape != shape:
             raise DefinitionError(f"`{name}` must have shape {list(shape)}; got {list(numbers.shape)}")
         return numbers
@@ -155,6 +165,13 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         ]
         kind: Any = type(name.capitalize(), (ctypes.Structure,), {"_fields_": fields})
         return self._function(name, ctypes.POINTER(kind))(self._at).contents
+
+
+def _floats(value: Any, name: str) -> np.ndarray:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise DefinitionError(f"`{name}` must be numbers; got {short_repr(value)}") from None
 
 
 def load_export(folder: str | Path) -> ExportedLaw:

@@ -146,8 +146,10 @@ def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
     - `names`: platform names in FMI 3.0, such as `x86_64-linux`. None selects all platforms if ziglang, the
       cross-compiler, is installed, and else this machine's platform.
 
-    Raises DefinitionError if a name is unknown, or a platform has no compiler.
+    Raises DefinitionError if `names` is empty, a name is unknown, or a platform has no compiler.
     """
+    if names is not None and not names:
+        raise DefinitionError(f"`platforms` must have at least one name; supported: {', '.join(NAMES)}")
     for name in names or ():
         if name not in NAMES:
             raise DefinitionError(f"no binary can be built for `{name}`; supported: {', '.join(NAMES)}")

@@ -128,7 +128,7 @@ class Difference:
     """The first sample at which log and replay differ.
 
     - `tick`, `t`: tick and time of the sample [s].
-    - `joint`: index of the joint whose torque differs most, from 0; None if only the status differs.
+    - `joint`: index of the joint whose torque differs most, from 0; None if the bits of all torques are the same.
     - `logged`, `again`: torque of this joint in the log, and in the replay [N m or N].
     - `status`: status bits in the log, and in the replay.
     """
@@ -139,6 +139,14 @@ class Difference:
     logged: float
     again: float
     status: tuple[int, int]
+
+    def distance_text(self) -> str:
+        """Return in words how far the two torques are apart."""
+        if self.logged == self.again:
+            return "which differs in the sign of zero"
+        if np.isnan(self.logged) and np.isnan(self.again):
+            return "which differs in the bits of NaN"
+        return f"{abs(self.again - self.logged):.2g} off"
 
 
 @dataclass(frozen=True)
@@ -171,7 +179,7 @@ class Replay:
         difference = self.first
         what = (
             f"{self.joints[difference.joint]} was commanded {difference.logged!r}, and is now {difference.again!r}, "
-            f"{abs(difference.again - difference.logged):.2g} off"
+            f"{difference.distance_text()}"
             if difference.joint is not None
             else "the torques are the same, the status is not"
         )
@@ -225,8 +233,7 @@ def replay(log: SavedLog) -> Replay:
     repeated = plan.columns(again)
     wrong = np.zeros(rows, bool)
     for name in COMPARED:
-        differs = repeated[name].view(f"u{repeated[name].itemsize}") != log.law[name].view(f"u{log.law[name].itemsize}")
-        wrong |= differs.reshape(rows, -1).any(axis=1)
+        wrong |= _bits_differ(repeated[name], log.law[name]).reshape(rows, -1).any(axis=1)
     wrong &= known
     off = np.abs(repeated["tau"] - log.law["tau"])[known]
     return Replay(
@@ -240,9 +247,15 @@ def replay(log: SavedLog) -> Replay:
     )
 
 
+def _bits_differ(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    return left.view(f"u{left.itemsize}") != right.view(f"u{right.itemsize}")
+
+
 def _first(logged: dict[str, np.ndarray], again: dict[str, np.ndarray], row: int) -> Difference:
-    off = np.abs(again["tau"][row] - logged["tau"][row])
-    joint = None if not off.any() else int(np.argmax(off))
+    differs = _bits_differ(again["tau"][row], logged["tau"][row])
+    # A torque whose bits are the same, also an infinite one, is never the one that differs most.
+    off = np.where(differs, np.abs(again["tau"][row] - logged["tau"][row]), -1.0)
+    joint = int(np.argmax(off)) if differs.any() else None
     return Difference(
         tick=int(logged["k"][row]),
         t=float(logged["t"][row]),

@@ -30,7 +30,7 @@ from slidax.plant.actuators import Actuator, TorqueLimits
 from slidax.scenarios.scenario import Scenario
 from slidax.simulation.plant import Plant
 
-from .c_project import CProject, describe_law, export_c, write_files, writing
+from .c_project import CProject, describe_law, export_c, units_text, write_files, writing
 from .c_source import function_body
 from .c_structures import Member
 from .guarded_step import own_plant
@@ -62,9 +62,9 @@ REASONS = (
     Reason("REQUESTED", "a stop was requested", False, "Nothing is wrong."),
     Reason(
         "NOT_BEGUN",
-        "the motion has not begun: an option or the posture is invalid",
+        "the motion has not begun: an option is invalid",
         True,
-        "Check the options; a posture that is not finite comes from a faulty sensor.",
+        "Check the options of the path.",
     ),
     Reason("NO_MEASUREMENT", "no good measurement for too long", True, "Check the sensor and the link to it."),
     Reason("NO_REFERENCE", "no finite reference for too long", True, "Check the planner."),
@@ -109,6 +109,7 @@ REASONS = (
         "The motion needs more torque than the drives have: slow it down, or set the payload in the robot's settings.",
     ),
     Reason("VOID", "the law's guarantee has been void for too long", False, "See `assumption_violated` for the cause."),
+    Reason("POSTURE_NOT_FINITE", "the measured posture is not finite", True, "Check the sensor and the link to it."),
 )
 """All reasons; the index of a reason is its number in C."""
 
@@ -202,7 +203,7 @@ SHARE = 0.9
 class RobotLimits:
     """Limits of a robot and of its motions: data for the templates in addition to the exported law.
 
-    - `unit`, `torque_unit`: units of the first joint.
+    - `units`, `torque_units`: units of position and torque, per joint.
     - `lower`, `upper`, `speed`, `torque`, `rate`: limits of position, speed, torque and torque rate, per joint.
     - `torque_hold`: largest torques while the arm holds its posture, per joint; infinite unless the robot compensates
       gravity.
@@ -222,8 +223,8 @@ class RobotLimits:
       for the nominal arm's inverse dynamics.
     """
 
-    unit: str
-    torque_unit: str
+    units: tuple[str, ...]
+    torque_units: tuple[str, ...]
     lower: list[float]
     upper: list[float]
     speed: list[float]
@@ -276,8 +277,8 @@ class RobotLimits:
         needed = torque_program(project.guard, project.step, plant.robot)
         body = function_body(needed, project.dialect, ("parameters", "q", "dq", "ddq", "tau"), helpers)
         return cls(
-            unit=units[0],
-            torque_unit=plant.robot.torque_units[0],
+            units=tuple(units),
+            torque_units=tuple(plant.robot.torque_units),
             lower=_numbers(lower),
             upper=_numbers(upper),
             speed=_numbers(speed),
@@ -301,6 +302,14 @@ class RobotLimits:
             torque_helpers=helpers.lines,
             torque_tables=needed.tables,
         )
+
+    def unit(self, after: str = "") -> str:
+        """Return the joints' units of position with a text after each, such as "/s"; a single unit if all are equal."""
+        return units_text([unit + after for unit in self.units])
+
+    def torque_unit(self, after: str = "") -> str:
+        """Return the joints' units of torque, as `unit` does."""
+        return units_text([unit + after for unit in self.torque_units])
 
     def literal(self, number: float) -> str:
         """Return a number as C source text."""

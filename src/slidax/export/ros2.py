@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 import slidax
 from slidax.certify.motion.admission import allowed_error
+from slidax.certify.motion.certified_law import CertifiedLaw
 from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.joint_names import are_numbered
 from slidax.core.writing import write_text
 from slidax.scenarios.scenario import Scenario
 
-from .admission import export_admission
+from .admission import DOUBLES_ONLY, export_admission
 from .c_project import CProject, export_c, write_files, writing
 from .c_structures import Member
 from .guarded_step import own_plant
@@ -33,6 +34,10 @@ KEPT = ("nominal_payload_mass", "nominal_payload_center", "nominal_gravity_vecto
 
 STOPPED = 0.05
 """Largest speed of a joint that counts as at rest, rad/s or m/s."""
+
+
+RATE_TOLERANCE = 0.01
+"""Largest relative difference between the update rate and the law's rate, at export and in the controller."""
 
 
 @dataclass(frozen=True)
@@ -87,23 +92,23 @@ def ros_parameters(
         RosParameter("goal_time", "double", "1.0", "longest wait for a goal's tolerances, s", (("gt_eq<>", "[0.0]"),)),
     ]
     size = (("fixed_size<>", f"[{n}]"),)
+    q, speed, tau = allowed.unit(), allowed.unit("/s"), allowed.torque_unit()
     for name, default, meaning in (
-        ("path", np.zeros(n), f"largest errors along a goal's path, {allowed.unit}; 0: only limits.error_full applies"),
-        ("goal", allowed.error_hold, f"largest errors at a goal, {allowed.unit}; 0: no limit"),
-        ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {allowed.unit}/s; 0: no limit"),
+        ("path", np.zeros(n), f"largest errors along a goal's path, {q}; 0: only limits.error_full applies"),
+        ("goal", allowed.error_hold, f"largest errors at a goal, {q}; 0: no limit"),
+        ("stopped", np.full(n, STOPPED), f"largest speeds at a goal, {speed}; 0: no limit"),
     ):
         rows.append(RosParameter(f"tolerances.{name}", "double_array", as_list(map(_number, default)), meaning, size))
-    q, tau = allowed.unit, allowed.torque_unit
     for name, meaning in (
         ("lower", f"smallest positions, {q}"),
         ("upper", f"largest positions, {q}"),
-        ("speed", f"largest speeds, {q}/s"),
+        ("speed", f"largest speeds, {speed}"),
         ("torque", f"largest torques of a command, {tau}"),
-        ("rate", f"fastest change of a command, {tau}/s"),
+        ("rate", f"fastest change of a command, {allowed.torque_unit('/s')}"),
         ("torque_hold", f"largest torques while the arm first holds its posture, {tau}"),
         ("error_hold", f"largest errors while the arm first holds its posture, {q}"),
         ("error_full", f"largest errors after the initial hold, {q}"),
-        ("acceleration", f"largest accelerations of a trajectory, {q}/s^2"),
+        ("acceleration", f"largest accelerations of a trajectory, {allowed.unit('/s^2')}"),
     ):
         # Infinite limits become a large number that no robot reaches.
         numbers = [_number(np.clip(value, -1e9, 1e9)) for value in allowed[name]]
@@ -119,7 +124,7 @@ def ros_parameters(
     ):
         rows.append(RosParameter(f"limits.{name}", "int", str(number), meaning, (("gt<>", "[0]"),)))
     if guaranteed is not None:
-        meaning = f"largest error bounds with which a goal is accepted, {allowed.unit}; 0: any bound"
+        meaning = f"largest error bounds with which a goal is accepted, {q}; 0: any bound"
         rows += [
             RosParameter("guarantee.required", "bool", "true", "accept only goals inside the guarantee of the law"),
             RosParameter("guarantee.error", "double_array", as_list(map(_number, guaranteed)), meaning, size),
@@ -244,14 +249,19 @@ def export_ros2(
         raise DefinitionError(
             'the guarantee covers only a law that compensates gravity itself: set `gravity` to "law" (--gravity law)'
         )
+    if admission and single:
+        raise DefinitionError(DOUBLES_ONLY)
+    rate = update_rate(scenario.period)
+    names = interface_names(own_plant(scenario).robot.joint_names)
     fitted = weight_by_robot(scenario) if carried else scenario
+    # Before anything is written, since it may be refused.
+    certified = CertifiedLaw.of(fitted) if admission else None
     exported = export_c(fitted, out / "law", name=name, single=single, command=command, golden=golden)
     allowed = RobotLimits.of(fitted, exported, carried=carried)
     package = f"slidax_{exported.name}_controller"
-    names = interface_names(own_plant(scenario).robot.joint_names)
     guaranteed = None
     if admission:
-        export_admission(fitted, exported, out / "law", trajectories=True)
+        export_admission(fitted, exported, out / "law", trajectories=True, certified=certified)
         tolerance = allowed_error(fitted)
         guaranteed = np.zeros(len(names)) if tolerance is None else np.broadcast_to(tolerance, len(names))
     rows = ros_parameters(exported, allowed, names, guaranteed)
@@ -261,7 +271,8 @@ def export_ros2(
         "rows": rows,
         "law_rows": [row for row in rows if row.member is not None],
         "joints": as_list(map(as_text, names)),
-        "rate": round(1.0 / exported.period),
+        "rate": rate,
+        "rate_tolerance": RATE_TOLERANCE,
         "carried": carried,
         "admission": admission,
         "version": slidax.__version__,
@@ -273,6 +284,21 @@ def export_ros2(
     with writing(out):
         write_text(out / "src" / "parameters.yaml", yaml(package, rows))
     return exported
+
+
+def update_rate(period: float) -> int:
+    """Return the update rate of a controller for a sample time [s], in Hz: ros2_control takes whole numbers only.
+
+    Raises DefinitionError if no whole rate is near enough, by the rule that the exported controller checks.
+    """
+    rate = round(1.0 / period)
+    if not abs(rate * period - 1.0) < RATE_TOLERANCE:
+        raise DefinitionError(
+            f"ros2_control updates at a whole number of hertz, and a period of {period:g} s is {1.0 / period:.4g} Hz: "
+            "set `simulation.period` to 1/N s with a whole N, such as "
+            f"`--set simulation.period={1.0 / max(rate, 1):.8g}`"
+        )
+    return rate
 
 
 def interface_names(joints: Sequence[str]) -> list[str]:

@@ -123,8 +123,8 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
 
     Raises DefinitionError if the unit is unknown.
     """
-    unit = re.sub(r"[\s·*⋅.^-]", "", title.unit)
-    if unit in ("", "1", "SI"):
+    unit = _plain_unit(title)
+    if unit in NO_UNIT:
         return 1.0, ""
     # These are the only units where upper and lower case differ in meaning.
     scale = 1e6 if quantity == "tau" and unit in ("MNm", "MN") else UNITS[quantity].get(unit.lower())
@@ -138,6 +138,25 @@ def scale_of(quantity: str, title: Title, source: str) -> tuple[float, str]:
         scale,
         "" if scale == 1.0 else f"`{quantity}` is converted from {plain_name(title.unit)}, the unit in the title",
     )
+
+
+def base_unit_of(quantity: str, title: Title) -> str:
+    """Return `rad` or `m`, the base of the unit in a title of `q` or `dq`; empty if the title names none.
+
+    - `quantity`: `q`, `dq` or `tau`.
+    """
+    unit = _plain_unit(title)
+    if quantity == "tau" or unit in NO_UNIT:
+        return ""
+    return "m" if unit.lower().partition("/")[0] in ("m", "mm") else "rad"
+
+
+def _plain_unit(title: Title) -> str:
+    return re.sub(r"[\s·*⋅.^-]", "", title.unit)
+
+
+NO_UNIT = ("", "1", "SI")
+"""Units in a title that stand for rad, rad/s and N m, or for m, m/s and N, by the kind of joint."""
 
 
 def scale_of_time(title: Title, titles: Sequence[Title], source: str) -> tuple[float, str]:
@@ -239,7 +258,9 @@ class _Matching:
                     f"{self.source} has two columns `{plain_name(title.text)}`: leave one of them out or rename it"
                 )
         texts = {quantity: [title.text for title in columns] for quantity, columns in of.items()}
-        return LogColumns(time.text, texts, scale, tuple(dict.fromkeys(self.notes)))
+        bases = {title.text: base_unit_of(quantity, title) for quantity, columns in of.items() for title in columns}
+        bases = {text: base for text, base in bases.items() if base}
+        return LogColumns(time.text, texts, scale, tuple(dict.fromkeys(self.notes)), bases)
 
     def _require_dropped_exist(self) -> None:
         for word in self.dropped_names:

@@ -4,13 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
+from slidax.core.errors import DefinitionError, count_noun, nearest_word, parse_number, plain_name, short_repr
 
 FEWEST = 100
 """Samples that a log must have."""
+
+
+class ColumnUnit(NamedTuple):
+    """Base unit of a column whose title names a unit.
+
+    - `joint`: index of the joint that the column belongs to.
+    - `title`: the column's title.
+    - `base`: `rad` for a revolute joint, `m` for a prismatic joint.
+    """
+
+    joint: int
+    title: str
+    base: str
+
+
+KINDS = {"rad": "revolute", "m": "prismatic"}
+"""Kind of joint by the base unit of its position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +44,7 @@ class JointLog:
     - `tau`: torques [k n], N m or N.
     - `dq`: velocities [k n], rad/s or m/s; None if they were not measured.
     - `notes`: sentences about what reading left out or converted.
+    - `column_units`: units of positions and velocities that the log itself states.
 
     Raises DefinitionError if sizes differ, the log has fewer than 100 samples, or a number is not finite.
     """
@@ -37,6 +56,7 @@ class JointLog:
     tau: np.ndarray
     dq: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    column_units: tuple[ColumnUnit, ...] = ()
 
     def __post_init__(self) -> None:
         k, n = len(self.t), len(self.joints)
@@ -85,12 +105,14 @@ class LogColumns:
     - `of`: for `q`, `dq` and `tau`, the titles of the columns in the arm's joint order.
     - `scale`: for each used column, the factor from its unit to s, rad, rad/s or N m.
     - `notes`: notes on data that was left out or converted.
+    - `bases`: `rad` or `m` for each column of `q` or `dq` whose title names a unit.
     """
 
     time: str
     of: dict[str, list[str]]
     scale: dict[str, float]
     notes: tuple[str, ...] = ()
+    bases: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def titles(self) -> list[str]:
@@ -115,9 +137,14 @@ class LogColumns:
         if len(times) and abs(times[0]) > 1e6:
             # For large times, such as seconds since 1970, keep the time since the first sample.
             times = (table[self.time] - table[self.time][0]) * self.scale.get(self.time, 1.0)
-        return JointLog(
-            source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), (*notes, *self.notes)
+        units = tuple(
+            ColumnUnit(joint, title, self.bases[title])
+            for titles in self.of.values()
+            for joint, title in enumerate(titles)
+            if title in self.bases
         )
+        notes = (*notes, *self.notes)
+        return JointLog(source, tuple(joints), times, values["q"], values["tau"], values.get("dq"), notes, units)
 
 
 QUANTITIES = ("t", "q", "dq", "tau")
@@ -210,8 +237,8 @@ class Conventions:
     joint, in the arm's order; a single entry applies to all joints.
 
     - `time_unit`: `s`, `ms`, `us` or `ns`, or a number: the seconds per unit of the log's times.
-    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for revolute joints, `m` or `mm` for prismatic joints; velocities
-      are in this unit per second.
+    - `position_unit`: `rad`, `deg`, `mrad` or `rev` for all revolute joints, `m` or `mm` for all prismatic joints;
+      velocities are in this unit per second.
     - `position_sign`: 1, or -1 if the log counts a joint's position in the opposite direction.
     - `position_offset`: added to the positions, rad or m.
     - `torque_unit`: `Nm`, `mNm`, `Ncm`, `kNm`, `kgfm`, `kgfcm`, `lbfft`, `lbfin` or `ozfin`.
@@ -260,6 +287,13 @@ class Conventions:
         for unit in self.position_unit:
             if unit not in POSITION_UNITS:
                 raise DefinitionError(f"unknown `position_unit` `{unit}`; {nearest_word(str(unit), POSITION_UNITS)}")
+        for base, kind in KINDS.items():
+            same = [unit for unit in dict.fromkeys(self.position_unit) if POSITION_UNITS[unit][0] == base]
+            if len(same) > 1:
+                raise DefinitionError(
+                    f"`position_unit` has {count_noun(len(same), 'unit')} for {kind} joints, {', '.join(same)}: "
+                    "choose one of them, for all these joints"
+                )
         if not 0.0 < self.seconds < np.inf:
             raise DefinitionError(
                 f"`time_unit` must be one of {', '.join(TIME_UNITS)}, or the seconds per unit, > 0; got "
@@ -270,7 +304,9 @@ class Conventions:
     def seconds(self) -> float:
         """Seconds per unit of the log's times."""
         try:
-            return TIME_UNITS[self.time_unit] if self.time_unit in TIME_UNITS else float(self.time_unit)
+            if self.time_unit in TIME_UNITS:
+                return TIME_UNITS[self.time_unit]
+            return parse_number(self.time_unit) if isinstance(self.time_unit, str) else float(self.time_unit)
         except ValueError:
             return np.nan
 
@@ -280,7 +316,8 @@ class Conventions:
         - `log`: the log as read.
         - `units`: "rad" or "m" for each joint of the arm.
 
-        Raises DefinitionError if a list does not have an entry for each joint, or a name is no joint.
+        Raises DefinitionError if a list does not have an entry for each joint, a name is no joint, or a unit does not
+        fit the kind of joint.
         """
         joint_order, positions, torques = (
             self._order(name, log.joints) for name in ("joint_order", "position_order", "torque_order")
@@ -288,11 +325,8 @@ class Conventions:
         for name in self.ignore_torque:
             if name not in log.joints:
                 raise DefinitionError(f"`ignore_torque`: there is no joint `{name}`; {nearest_word(name, log.joints)}")
-        size = np.ones(len(units))
-        for unit in self.position_unit:
-            kind, factor = POSITION_UNITS[unit]
-            size[[other == kind for other in units]] = factor
-        size = size * self.each("position_sign", len(units))
+        _require_fitting_columns(log, units, [joint_order[position] for position in positions])
+        size = self._unit_sizes(units) * self.each("position_sign", len(units))
         torque = (
             TORQUE_UNITS[self.torque_unit]
             * self.each("torque_scale", len(units))
@@ -308,7 +342,21 @@ class Conventions:
             q=log.q[:, joint_order][:, positions] * size + self.each("position_offset", len(units)),
             tau=tau,
             dq=None if log.dq is None else log.dq[:, joint_order][:, positions] * size,
+            # Their joints are those of the log as read.
+            column_units=(),
         )
+
+    def _unit_sizes(self, units: Sequence[str]) -> np.ndarray:
+        """Return the size of the log's unit of position for each joint, in rad or m [n]."""
+        sizes = np.ones(len(units))
+        for unit in self.position_unit:
+            base, factor = POSITION_UNITS[unit]
+            if base not in units:
+                raise DefinitionError(
+                    f"`position_unit` `{unit}` is for {KINDS[base]} joints, and the arm has none: leave it out"
+                )
+            sizes[[other == base for other in units]] = factor
+        return sizes
 
     def each(self, name: str, joints: int) -> np.ndarray:
         """Return a field's entry for each joint [n].
@@ -335,6 +383,22 @@ class Conventions:
         if sorted(order) != sorted(joints):
             raise DefinitionError(f"`{name}` must name each of the {len(joints)} joints once; got {', '.join(order)}")
         return [order.index(joint) for joint in joints]
+
+
+def _require_fitting_columns(log: JointLog, units: Sequence[str], columns: Sequence[int]) -> None:
+    """Raise a DefinitionError if a column is in a unit of angle for a prismatic joint, or of length for a revolute one.
+
+    - `units`: "rad" or "m" for each joint of the arm.
+    - `columns`: for each joint of the arm, the joint of the log as read.
+    """
+    for name, unit, column in zip(log.joints, units, columns, strict=True):
+        for named in log.column_units:
+            if named.joint == column and named.base != unit:
+                right = "angle (rad, deg)" if unit == "rad" else "length (m, mm)"
+                raise DefinitionError(
+                    f"{log.source}: the unit of column `{plain_name(named.title)}` does not fit joint `{name}`, which "
+                    f"is {KINDS[unit]}: its unit must be one of {right}; correct the unit in the title"
+                )
 
 
 def _shifted(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from slidax.arms.arm import Payload
 from slidax.arms.articulated import Articulated
-from slidax.core.errors import DefinitionError, as_array, count_noun, short_repr
+from slidax.core.errors import DefinitionError, as_array, count_noun, parse_number, short_repr
 
 from .checks import find_usable_torques
 from .identified_arm import LogFit
@@ -41,9 +41,8 @@ def parse_load(text: str) -> Payload | None:
     if text == "none":
         return Payload()
     try:
-        parts = [[float(word) for word in part.split(",")] for part in text.split("@")]
-        is_finite = all(np.isfinite(part).all() for part in parts)
-        if not is_finite or [len(part) for part in parts] not in ([1], [1, 3], [1, 3, 1], [1, 3, 6]):
+        parts = [[parse_number(word) for word in part.split(",")] for part in text.split("@")]
+        if [len(part) for part in parts] not in ([1], [1, 3], [1, 3, 1], [1, 3, 6]):
             raise ValueError
     except ValueError:
         raise DefinitionError(f"`--load` takes {FORM}; got {short_repr(text)}") from None

@@ -14,6 +14,7 @@ from slidax.core.errors import DefinitionError, locate_errors, nearest_word, pla
 from slidax.core.joint_names import match_names
 
 from .schemes import PRESETS, owner_of, place_parameters, switch_scheme, with_kinds
+from .uncertain_values import is_index
 from .yaml_text import validation_error
 
 BRACKETS = re.compile(r"\[([^\[\]]*)\]")
@@ -140,7 +141,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
     for depth, part in enumerate(parts):
         here = ".".join(parts[:depth]) or "the scenario"
         if isinstance(node, list):
-            if not (part.isascii() and part.isdigit() and len(part) < 10) or int(part) >= len(node):
+            if not is_index(part) or int(part) >= len(node):
                 raise DefinitionError(
                     f"`{here}` is a list of {len(node)}, and `{plain_name(part)}` is not an index from 0 to "
                     f"{len(node) - 1}. Write `{here}[0]`, or `{here}[JOINT]` if each entry belongs to a joint"
@@ -150,7 +151,7 @@ def _set(data: dict[str, Any], path: str, value: Any, joints: int) -> None:
             key = part
         else:
             raise DefinitionError(f"`{plain_name(here)}` is a single value, so `{plain_name(path)}` cannot be set")
-        if depth < len(parts) - 1 and parts[depth + 1].isdigit() and isinstance(node, dict):
+        if depth < len(parts) - 1 and is_index(parts[depth + 1]) and isinstance(node, dict):
             node[key] = _one_per_joint(node.get(key), ".".join(parts[: depth + 1]), joints)
         if depth == len(parts) - 1:
             if key == "kind" and isinstance(node, dict) and node.get("kind", value) != value:

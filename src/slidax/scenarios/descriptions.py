@@ -31,6 +31,7 @@ from slidax.core.errors import DefinitionError, each_of, locate_errors, nearest_
 from slidax.core.parameter import REQUIRED, Parameter, Range, parameters_of
 from slidax.core.part import kind_of, members_of
 
+from .number_checks import require_finite, require_no_booleans
 from .own_code import own_class
 
 Numbers = Annotated[float | list[float], Field(union_mode="left_to_right")]
@@ -56,6 +57,9 @@ class AbstractDescription(BaseModel):
     sized: ClassVar[frozenset[str]] = frozenset()
     """Fields whose lists do not have an entry per joint."""
 
+    may_be_infinite: ClassVar[frozenset[str]] = frozenset()
+    """Fields without a declared range in which infinity means no limit."""
+
     @model_validator(mode="before")
     @classmethod
     def _keys_are_known(cls, data: Any) -> Any:
@@ -67,7 +71,20 @@ class AbstractDescription(BaseModel):
                     raise PydanticCustomError(
                         "unknown_key", "unknown key `{key}`; {hint}", {"key": plain_name(key), "hint": hint}
                     )
+        require_no_booleans(cls, data)
         return data
+
+    @model_validator(mode="after")
+    def _numbers_are_finite(self) -> AbstractDescription:
+        require_finite(self, self._allows_infinity)
+        return self
+
+    @classmethod
+    def _allows_infinity(cls, field: str) -> bool:
+        """True if a field is in `may_be_infinite`, or has a range that includes infinity."""
+        extra = cls.model_fields[field].json_schema_extra
+        limits = str(extra.get("range", "")) if isinstance(extra, dict) else ""
+        return field in cls.may_be_infinite or "infinite" in limits or "inf]" in limits
 
     def require_joints(self, joints: int) -> None:
         """Raise DefinitionError unless each list in the description has one entry per joint."""
@@ -133,6 +150,11 @@ class PartDescription(AbstractDescription):
     """A part in a scenario file: the parameters of the class `part`."""
 
     part: ClassVar[type]
+
+    @classmethod
+    def _allows_infinity(cls, field: str) -> bool:
+        """True, as the part itself refuses infinity where it is invalid, and explains its rule."""
+        return True
 
     def build(self, **more: Any) -> Any:
         """Build the part.

@@ -17,6 +17,7 @@ from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_arm, built_in_names
 from slidax.arms.coupled import Coupled
 from slidax.arms.files.find_arm import find_arm
+from slidax.arms.files.inertias import REPLACED
 from slidax.arms.files.mjcf import from_mjcf
 from slidax.arms.files.robot_descriptions import description_file, is_description
 from slidax.arms.files.urdf import from_urdf
@@ -411,8 +412,8 @@ def _arm(
     if isinstance(arm, Coupled):
         raise DefinitionError(_with_followers(arm, kind, path, chain.tip))
     messages = [str(warning.message).removeprefix(f"{path}: ") for warning in assumed]
-    changed = [message for message in messages if "inertias are changed" in message]
-    notes += [message.rpartition("; ")[2] for message in changed]
+    changed = [message for message in messages if message.startswith(REPLACED)]
+    notes += changed
     notes += [message for message in messages if message.endswith("left out")]
     block: dict[str, Any] = {"kind": kind, "file": relpath(path, folder), "tip": chain.tip}
     if chain.locked or locked:

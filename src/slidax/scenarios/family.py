@@ -24,7 +24,7 @@ from slidax.simulation.simulate import Parts
 from .changes import path_in
 from .load import validate_text
 from .scenario import KNOWN_TO_LAW_REMEDY, OF_THE_LAW, OpenLoop, Scenario, ScenarioDescription
-from .uncertain_values import Array, Leaf, leaf_of, with_values
+from .uncertain_values import Array, Leaf, is_index, leaf_of, with_values
 from .uncertainty import AbstractSet, InertialBand, InsideEnvelope
 
 
@@ -162,10 +162,10 @@ class Family:
         """
         path, _, indices = column.partition("[")
         leaf = self.space.leaves[path]
-        if not indices and path.rpartition(".")[2].isdigit():
+        if not indices and is_index(path.rpartition(".")[2]):
             path, _, index = path.rpartition(".")
             return f"{path}[{self.joint_names[int(index)]}]" if leaf.one_of_joints else f"{path}[{index}]"
-        if leaf.each_joint and indices[:-1].isdigit():
+        if leaf.each_joint and is_index(indices[:-1]):
             return f"{path}[{self.joint_names[int(indices[:-1])]}]"
         return column
 

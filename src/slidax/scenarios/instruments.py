@@ -128,6 +128,8 @@ class SensorDescription(AbstractDescription):
 class ActuatorDescription(AbstractDescription):
     """Drives, which deliver a commanded torque."""
 
+    may_be_infinite = frozenset({"torque", "rate"})
+
     torque: Numbers | Literal["robot"] | None = input_field(
         "torque limit; `robot`: from the arm's data sheet", "N m or N", default=None, source="no limit"
     )

@@ -15,7 +15,7 @@ from slidax.arms.articulated import Articulated
 from slidax.arms.built_in import built_in_names
 from slidax.arms.coupled import Coupled
 from slidax.arms.files.robot_descriptions import description_file, is_description
-from slidax.core.errors import DefinitionError, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, nearest_word, plain_name, short_repr
 
 from .robots import AbstractArticulated, RobotDescription, read_robot
 from .yaml_text import validation_error
@@ -67,10 +67,13 @@ def named_robot(
         written, folder = read_robot(word)
         description = {key: value for key, value in written.items() if key != "plant"}
         if "file" in description:
+            if not isinstance(description["file"], str):
+                message = f"must be the name of a file; got {short_repr(description['file'])}"
+                raise DefinitionError(message, where="robot.file")
             description["file"] = str(folder / description["file"])
     else:
         description = {"kind": kind or word, **({"file": word} if kind else {}), **({"tip": tip} if tip else {})}
-    held = {**description.get("locked", {}), **locked} if locked else None
+    held = {**_mapping(description, "locked"), **locked} if locked else None
     for field, value in {"inertias": inertias, "locked": held}.items():
         if value:
             if description["kind"] not in ("urdf", "mjcf"):
@@ -79,7 +82,7 @@ def named_robot(
                 )
             description[field] = value
     if gravity is not None:
-        description["nominal"] = dict(description.get("nominal", {})) | {"gravity": list(gravity)}
+        description["nominal"] = _mapping(description, "nominal") | {"gravity": list(gravity)}
     try:
         with warnings.catch_warnings(record=True) as assumed:
             warnings.simplefilter("always")
@@ -92,6 +95,14 @@ def named_robot(
     for warning in assumed:
         warnings.warn(_with_options(str(warning.message)), warning.category, stacklevel=2)
     return robot, description
+
+
+def _mapping(description: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """Return the mapping in a field of a description; empty if the description has no such field."""
+    value = description.get(field, {})
+    if not isinstance(value, dict):
+        raise DefinitionError(f"must be a mapping; got {short_repr(value)}", where=f"robot.{field}")
+    return value
 
 
 def _with_options(message: str) -> str:

@@ -246,8 +246,8 @@ def switch_scheme(scheme: Any, name: Any) -> Any:
 
     The result keeps `sampled_data`, the envelope, and those parameters of the bound that the new preset does not set.
     If the new law does not plan over a horizon, `horizon`, `slopes`, `recovery` and `calm` of `sampled_data` are
-    dropped. All other parameters take the new preset's values. A law outside slidax, `module:Class`, keeps only `sampled_data`
-    without these four. With the file's own name, nothing changes.
+    dropped. All other parameters take the new preset's values. A law outside slidax, `module:Class`, keeps only
+    `sampled_data` without these four. With the file's own name, nothing changes.
 
     - `scheme`: mapping of the file.
     - `name`: name of the new preset; an unknown name is refused later, at validation.

@@ -34,6 +34,8 @@ Limit = Annotated[float | list[float] | Literal["robot"], Field(union_mode="left
 class TrajectoryPart(AbstractDescription):
     """Desired motion of the joints."""
 
+    may_be_infinite = frozenset({"lower", "upper", "velocity", "acceleration", "jerk"})
+
     def build(self, limits: JointLimits | None = None) -> AbstractMotion:
         """Build the trajectory.
 

@@ -22,6 +22,11 @@ NUMERIC = {float, int, list[float], list[list[float]]}
 ENDS = (("minimum", -np.inf), ("exclusiveMinimum", -np.inf)), (("maximum", np.inf), ("exclusiveMaximum", np.inf))
 
 
+def is_index(word: str) -> bool:
+    """True for an index of a list: ASCII digits, few enough for `int`."""
+    return word.isascii() and word.isdigit() and len(word) < 10
+
+
 @dataclasses.dataclass(frozen=True)
 class Leaf:
     """A value of a scenario that a study can vary: a number or a list of numbers.
@@ -126,10 +131,10 @@ def leaf_of(description: BaseModel, path: str, joints: int) -> Leaf:
             schema = extra if isinstance(extra, dict) else {}
             node = getattr(node, name)
             open_list = list[float] in _types(kind) and not _has_length(fields[name])
-        elif isinstance(node, tuple | list) and name.isdigit() and int(name) < len(node):
+        elif isinstance(node, tuple | list) and is_index(name) and int(name) < len(node):
             one_of_joints = open_list and len(node) == joints
             node, kind = node[int(name)], float
-        elif name.isdigit() and isinstance(node, int | float):
+        elif is_index(name) and isinstance(node, int | float):
             raise DefinitionError(f"{node} is a single number for all joints: write a list with one for each joint")
         else:
             raise DefinitionError(f"`{plain_name(name)}` does not exist in {short_repr(node)}")

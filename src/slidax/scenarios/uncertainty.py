@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from slidax.arms.articulated import Articulated
 from slidax.arms.mismatch import INERTIAL
-from slidax.core.errors import DefinitionError, plain_name, short_repr
+from slidax.core.errors import DefinitionError, parse_number, plain_name, short_repr
 
 from .descriptions import AbstractDescription, Numbers, input_field
 from .uncertain_values import Array, Leaf
@@ -338,7 +338,7 @@ else:
 def _share(text: str) -> float:
     number, sign, rest = text.partition("%")
     try:
-        share = float(number) / 100.0
+        share = parse_number(number) / 100.0
     except ValueError:
         share = np.nan
     if not sign or rest.strip() or not (np.isfinite(share) and share >= 0):

@@ -206,7 +206,7 @@ def validation_error(error: ValidationError, data: Any) -> DefinitionError:
     elif first["type"] in ("too_short", "too_long"):
         sign, limit = (">=", "min_length") if first["type"] == "too_short" else ("<=", "max_length")
         message = f"must have {sign} {count_noun(context[limit], 'entry', 'entries')}; got {short_repr(value)}"
-    elif first["type"] == "unknown_key":
+    elif first["type"] in ("unknown_key", "unfit_number"):
         message = first["msg"]
     else:
         message = f"{first['msg'][0].lower()}{first['msg'][1:]}; got {short_repr(value)}"
@@ -217,13 +217,23 @@ def _path(mistake: Any, data: Any) -> str:
     """Path of an error in the file, without the names of union members that pydantic adds."""
     loc: tuple[int | str, ...] = mistake["loc"]
     absent = len(loc) - 1 if mistake["type"] == "missing" else -1
-    parts: list[str] = []
-    node = data
-    for depth, part in enumerate(loc):
-        if isinstance(node, dict) and (part in node or depth == absent):
-            node = node.get(part)
-            parts.append(str(part))
-        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
-            node = node[part]
-            parts.append(str(part))
-    return ".".join(parts)
+    return ".".join(str(loc[depth]) for depth in _depths_in(data, loc, 0, absent))
+
+
+def _depths_in(node: Any, loc: tuple[int | str, ...], depth: int, absent: int) -> list[int]:
+    """Return the depths in `loc`, from `depth` on, that are keys and indices of the file.
+
+    - `absent`: depth of a missing key; -1 for none.
+    """
+    if depth == len(loc):
+        return []
+    part = loc[depth]
+    is_key = isinstance(node, dict) and (part in node or depth == absent)
+    is_index = isinstance(node, list) and isinstance(part, int) and part < len(node)
+    others = _depths_in(node, loc, depth + 1, absent)
+    if not is_key and not is_index:
+        return others
+    inner = node.get(part) if is_key else node[part]
+    # A union member may have the name of a key, such as `between`: then only one way leads to the erroneous field.
+    ways = [depth, *_depths_in(inner, loc, depth + 1, absent)], others
+    return max(ways, key=lambda depths: (depths[-1:], len(depths)))

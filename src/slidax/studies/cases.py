@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from slidax.analysis.metrics import METRICS, MONITOR_METRICS, TOLERANCE_METRICS, TOOL_METRICS, metrics_of
-from slidax.core.errors import DefinitionError, is_traced
+from slidax.core.errors import DefinitionError, is_traced, nearest_word, plain_name
 from slidax.law.controllers import AbstractController
 from slidax.scenarios.family import Family, Templates
 from slidax.scenarios.load import validate_text
@@ -47,6 +47,20 @@ COLUMNS = {
     },
 }
 """Meanings of a table's columns, by their names."""
+
+
+OF_A_RUN = ("row", "outcome", "t", "joint")
+"""Columns that are no metrics."""
+
+
+def require_metric(key: str, columns: Columns, where: str) -> None:
+    """Raise DefinitionError, at the field `where`, unless a table has a metric or the margin with this key.
+
+    - `columns`: a table, whose columns with a dot in their name are values of the cases.
+    """
+    known = [name for name in columns if name not in OF_A_RUN and "." not in name]
+    if key not in known:
+        raise DefinitionError(f"there is no metric `{plain_name(key)}`; {nearest_word(key, known)}", where=where)
 
 
 def columns_of(run: Run) -> Columns:
@@ -99,6 +113,10 @@ LARGER_IS_BETTER = frozenset(
     item.key for item in (*METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS) if not item.least_is_best
 ) | {"margin"}
 """Columns of a table whose larger values are better."""
+
+
+COUNTS = frozenset(item.key for item in (*METRICS, *TOLERANCE_METRICS, *MONITOR_METRICS) if item.counts)
+"""Columns that count samples, and are 0 in a good run."""
 
 
 def _worst(numbers: NDArray[Any], least_is_best: bool) -> NDArray[Any]:

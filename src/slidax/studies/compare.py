@@ -9,13 +9,13 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from slidax.core.errors import DefinitionError, count_noun, locate_errors, nearest_word, percent, plain_name
+from slidax.core.errors import count_noun, locate_errors, percent, plain_name
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family
 from slidax.scenarios.load import alter_description
 from slidax.scenarios.uncertainty import AbstractSet, Between, InsideEnvelope
 
-from .cases import LARGER_IS_BETTER, Columns, points
+from .cases import LARGER_IS_BETTER, Columns, points, require_metric
 from .overview import share
 from .predicates import ENVELOPE, Predicate
 from .runner import PartDone
@@ -277,11 +277,7 @@ class Compare(AbstractStudy):
         if missing:
             raise PartDone(missing, self.runs * len(families))
         for item in self.of:
-            if item not in tables[next(iter(tables))]:
-                raise DefinitionError(
-                    f"there is no metric `{plain_name(item)}`; {nearest_word(item, tables[next(iter(tables))])}",
-                    where="of",
-                )
+            require_metric(item, tables[next(iter(tables))], "of")
         for predicate in holds:
             for table in tables.values():
                 if is_defined(predicate.text, table):

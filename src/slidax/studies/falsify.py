@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name
+from slidax.core.errors import DefinitionError, count_noun, percent
 from slidax.core.files import json_value
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.scenario import ScenarioDescription
 
-from .cases import LARGER_IS_BETTER, OUTCOMES, Columns
+from .cases import LARGER_IS_BETTER, OUTCOMES, Columns, require_metric
 from .overview import overview
 from .runner import BatchEvaluator
 from .search import SearchResult, search_lowest
@@ -89,8 +89,7 @@ def rank_badness(columns: Columns, of: str) -> np.ndarray:
 
     Raises DefinitionError if there is no such metric, or no row has a value for it.
     """
-    if of not in columns:
-        raise DefinitionError(f"there is no metric `{plain_name(of)}`; {nearest_word(of, columns)}", where="worst")
+    require_metric(of, columns, "worst")
     value, bad = np.asarray(columns[of], float), np.asarray(columns["outcome"]) > 0
     if not np.isfinite(value).any() and not bad.any():
         remedy = "search for `worst: steady_error`" if of == MARGIN else "search for another metric"

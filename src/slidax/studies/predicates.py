@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, count_noun, plain_name
 from slidax.scenarios.descriptions import AbstractDescription, input_field
 
-from .cases import Columns
+from .cases import Columns, require_metric
 from .statistics import confidence_sequence
 from .study import all_done
 
@@ -60,10 +60,7 @@ class Predicate:
                 )
             return outcome == 0
         name, sign, limit = parsed
-        if name not in columns:
-            raise DefinitionError(
-                f"there is no metric `{plain_name(name)}`; {nearest_word(name, columns)}", where="holds"
-            )
+        require_metric(name, columns, "holds")
         ended = (outcome == 1) | (outcome == 2)
         return SIGNS[sign](columns[name], limit) & ~ended
 

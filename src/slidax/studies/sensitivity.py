@@ -9,9 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name, short_repr
+from slidax.core.errors import DefinitionError, count_noun, percent, short_repr
 from slidax.scenarios.descriptions import input_field
 
+from .cases import require_metric
 from .runner import BatchEvaluator
 from .study import AbstractStudy, AbstractTableResult, Cell, Chart, RunOptions, Section, all_done, worst_row
 
@@ -139,8 +140,7 @@ class Sensitivity(AbstractStudy):
         table = evaluated.points(cube)
         indices, missing = {}, {}
         for key in self.of:
-            if key not in table:
-                raise DefinitionError(f"there is no metric `{plain_name(key)}`; {nearest_word(key, table)}", where="of")
+            require_metric(key, table, "of")
             wrong = int(np.sum(~np.isfinite(table[key])))
             if wrong:
                 missing[key] = wrong

@@ -8,13 +8,13 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, plain_name
+from slidax.core.errors import DefinitionError, count_noun
 from slidax.core.files import json_value
 from slidax.scenarios.family import Family
 from slidax.scenarios.scenario import OF_THE_LAW
 from slidax.scenarios.uncertainty import AbstractSet, Discrete, Uncertainty
 
-from .cases import LARGER_IS_BETTER, points
+from .cases import LARGER_IS_BETTER, points, require_metric
 from .runner import BELOW_ONE, BatchEvaluator
 from .study import AbstractStudy, AbstractTableResult, Chart, RunOptions, Section, all_done, worst_row
 
@@ -61,10 +61,7 @@ class Sweep(AbstractStudy):
         evaluated = BatchEvaluator(self.runner(family, how), family)
         how.begin(grid[0].size * self.cases)
         table = evaluated.values(values)
-        if self.of not in table:
-            raise DefinitionError(
-                f"there is no metric `{plain_name(self.of)}`; {nearest_word(self.of, table)}", where="of"
-            )
+        require_metric(self.of, table, "of")
         return SweepResult(study=self, **evaluated.collected(), axes=over, shape=shape)
 
     def _family(self) -> Family:
@@ -158,6 +155,8 @@ class SweepResult(AbstractTableResult):
         if len(rows) <= MOST_ROWS:
             return [Section("The map", "", head, rows, maps)]
         badness = self.worst.ravel() if larger_is_better else -self.worst.ravel()
+        # A point without a value is one whose run diverged: it is worse than all others.
+        badness = np.where(np.isnan(badness), -np.inf, badness)
         order = np.argsort(badness, kind="stable")[:MOST_ROWS]
         note = f"The table has the worst {MOST_ROWS} of {len(rows)} points."
         return [Section("The map", note, head, [rows[k] for k in order], maps)]

@@ -11,14 +11,14 @@ import numpy as np
 from pydantic import Field
 
 from slidax.analysis.metrics import METRICS
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, percent, plain_name
+from slidax.core.errors import DefinitionError, count_noun, percent
 from slidax.scenarios.descriptions import input_field
 from slidax.scenarios.family import Family, Space, as_changes
 from slidax.scenarios.load import alter_description
 from slidax.scenarios.scenario import ScenarioDescription
 from slidax.scenarios.uncertainty import Uncertainty
 
-from .cases import LARGER_IS_BETTER, Columns, Values, points
+from .cases import COUNTS, LARGER_IS_BETTER, Columns, Values, points, require_metric
 from .overview import share
 from .pareto import Front, FrontEvaluation, pareto_search
 from .predicates import ENVELOPE, Predicate
@@ -91,8 +91,11 @@ def evaluate_aims(
     Raises DefinitionError if there is no such metric, or if a larger value of it is better.
     """
     for aim in aims:
-        if aim not in columns:
-            raise DefinitionError(f"there is no metric `{plain_name(aim)}`; {nearest_word(aim, columns)}", where="aims")
+        require_metric(aim, columns, "aims")
+        if aim in COUNTS:
+            raise DefinitionError(
+                f"`{aim}` counts samples and is 0 in a good run: require it by `holds: {aim} < 1`", where="aims"
+            )
         if aim in LARGER_IS_BETTER:
             raise DefinitionError(
                 f"aims are minimised, and a larger `{aim}` is better: require it by `holds: {aim} > 0.1`", where="aims"

@@ -72,7 +72,7 @@ def test_a_run_without_an_envelope_is_drawn_without_a_band(run):
     assert not any(axes.collections for axes in figure.axes)
 
 
-def test_a_time_window_shows_that_part_of_the_run(run):
+def test_a_time_window_limits_the_drawn_part_of_the_run(run):
     figure = figures.tracking_error(run, window=(0.5, 0.7))
     lines = [line.get_xdata() for line in figure.axes[0].lines if len(np.ravel(line.get_xdata())) > 2]
     assert lines and all(np.min(x) >= 0.5 - 1e-9 and np.max(x) <= 0.7 + 1e-9 for x in lines)
@@ -165,7 +165,7 @@ def test_a_shortened_svg_path_keeps_the_peak(run):
     peak = axes.transData.transform((0.0, float(run.log.tau[:, 0].max())))
     height = figure.get_figheight() * 72
     y = height - peak[1] * 72 / figure.dpi
-    assert f" {y:.2f}" in text or f" {y:.1f} " in text
+    assert f" {y:.2f}" in text
 
 
 def test_every_colour_of_a_figure_has_a_counterpart_for_dark_pages(run):
@@ -234,12 +234,6 @@ def test_figure_is_shown_in_a_notebook_in_its_own_style_and_can_be_copied():
     assert "<svg" in pickle.loads(pickle.dumps(figure))._repr_svg_()
 
 
-def test_importing_slidax_does_not_load_matplotlib():
-    code = "import sys, slidax, slidax.simulation; print('matplotlib' in sys.modules, 'jinja2' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "False"]
-
-
 def test_running_a_scenario_loads_neither_plotting_nor_statistics_packages():
     code = """
 import sys
@@ -250,5 +244,5 @@ try:
 finally:
     print("loaded:", {"matplotlib", "jinja2", "scipy.stats", "scipy.optimize"} & set(sys.modules), file=sys.stderr)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "loaded: set()" in done.stderr
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "Inside the envelope" in done.stdout and "loaded: set()" in done.stderr

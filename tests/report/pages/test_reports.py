@@ -102,7 +102,7 @@ def test_a_run_without_a_log_has_a_report_without_figures(tmp_path):
 )
 def test_the_parameters_in_a_report_define_the_same_scenario(name, changes):
     scenario = scenarios.load(name, changes)
-    assert scenarios.parse(as_yaml(scenario.description)) == scenario.description
+    assert scenarios.parse(parameters(scenario)["The scenario"]) == scenario.description
 
 
 def test_tip_paths_cover_all_samples_and_start_at_the_tip_of_the_first_posture():
@@ -137,7 +137,8 @@ def test_text_of_a_report_contrasts_with_its_ground(colours):
             assert contrast(colour[ink], colour[ground]) >= 4.5, (ink, ground)
 
 
-@pytest.mark.parametrize("template", sorted(TEMPLATES.glob("*.j2")), ids=lambda path: path.name)
-def test_a_wide_table_scrolls_by_itself_and_can_be_reached_by_keys(template):
-    text = template.read_text(encoding="utf-8")
-    assert text.count("<table") == text.count('<div class="scroll" tabindex="0"><table')
+def test_a_wide_table_scrolls_by_itself_and_can_be_reached_by_keys():
+    texts = [template.read_text(encoding="utf-8") for template in TEMPLATES.glob("*.j2")]
+    tables = [text.count("<table") for text in texts]
+    assert sum(tables) > 5
+    assert [text.count('<div class="scroll" tabindex="0"><table') for text in texts] == tables

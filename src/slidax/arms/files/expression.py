@@ -6,11 +6,15 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, ItemsView, Iterable, KeysView, Mapping, ValuesView
+from itertools import islice
 from typing import Any
 
 LONGEST = 100_000
 """Most characters in a string, entries in a list, and steps in a loop."""
+
+LONGEST_PRINTED = 5_000_000
+"""Most characters that an argument or a result has as text; an entry that occurs several times counts several times."""
 
 MOST_BITS = 4096
 """Most bits in an integer."""
@@ -140,7 +144,10 @@ def evaluate(
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
         raise ExpressionError(f"not a valid expression: {error}") from error
-    return _Evaluation(names, functions, budget or Budget()).value(tree.body)
+    result = _Evaluation(names, functions, budget or Budget()).value(tree.body)
+    # xacro writes a result into the text of an element or an attribute.
+    _refuse_long(_printed_length(result), LONGEST_PRINTED)
+    return result
 
 
 class _Evaluation:
@@ -200,20 +207,20 @@ class _Evaluation:
             owner = self.value(node.func.value)
             for kind, methods in METHODS.items():
                 if isinstance(owner, kind) and node.func.attr in methods and node.func.attr not in _entries(owner):
-                    if node.func.attr in ("replace", "join"):
-                        self._refuse_long(owner, *arguments)
+                    if node.func.attr == "replace":
+                        _refuse_long(math.prod(len(text) + 1 for text in (owner, *arguments) if isinstance(text, str)))
+                    if node.func.attr == "join" and arguments:
+                        arguments[0] = _entries_to_join(owner, arguments[0])
                     return getattr(owner, node.func.attr)(*arguments, **options)
         elif not isinstance(node.func, ast.Name):
             raise ExpressionError("only a function can be called, by its name")
         called = self.value(node.func)
         if not callable(called):
             raise ExpressionError("only a function can be called")
+        # Functions such as `str` and `tokenize` write their arguments as text.
+        for argument in (*arguments, *options.values()):
+            _refuse_long(_printed_length(argument), LONGEST_PRINTED)
         return called(*arguments, **options)
-
-    def _refuse_long(self, *texts: Any) -> None:
-        sizes = [len(text) for text in texts if isinstance(text, str | list | tuple)]
-        if math.prod(size + 1 for size in sizes) > LONGEST:
-            raise ExpressionError("the result of `replace` or `join` could be too long; use shorter texts")
 
     def _binop(self, node: ast.BinOp) -> Any:
         left, right = self.value(node.left), self.value(node.right)
@@ -239,6 +246,8 @@ class _Evaluation:
         if kind is ast.Mod:
             if isinstance(left, str) and re.search(r"\d{4}|\*", left):
                 raise ExpressionError("a format before `%` must not have `*`, or a number of four or more digits")
+            if isinstance(left, str):
+                _refuse_long(_formatted_length(left, right))
             return left % right
         if kind not in OPERATORS:
             raise ExpressionError(f"the operator `{kind.__name__}` is not supported")
@@ -302,6 +311,50 @@ class _Evaluation:
         return results
 
     _generatorexp = _listcomp
+
+
+def _refuse_long(characters: int, most: int = LONGEST) -> None:
+    """Raise ExpressionError for a text that could have more than `most` characters, before it is built."""
+    if characters > most:
+        raise ExpressionError(f"a text could be too long, {characters} characters; the limit is {most}")
+
+
+def _entries_to_join(separator: str, entries: Iterable[Any]) -> list[Any]:
+    """Return the entries that `separator` joins, as a list; raise ExpressionError if their text would be too long."""
+    parts = list(islice(entries, LONGEST + 1))
+    _refuse_long(sum(len(part) + len(separator) for part in parts if isinstance(part, str)) - len(separator))
+    return parts
+
+
+def _printed_length(value: Any) -> int:
+    """Estimate how many characters a value has as text; stop the count above `LONGEST_PRINTED`."""
+    total, waiting = 0, [value]
+    while waiting and total <= LONGEST_PRINTED:
+        entry = waiting.pop()
+        # Quotation marks and a comma, or brackets.
+        total += 4
+        if isinstance(entry, str):
+            total += len(entry)
+        elif isinstance(entry, int):
+            total += entry.bit_length() // 3
+        elif isinstance(entry, float):
+            # `%f` writes all digits of a large number.
+            total += 24 if abs(entry) < 1e16 else 320
+        elif isinstance(entry, Mapping):
+            waiting.extend((*entry.keys(), *entry.values()))
+        elif isinstance(entry, list | tuple | set | KeysView | ValuesView | ItemsView):
+            waiting.extend(entry)
+    return total
+
+
+def _formatted_length(form: str, values: Any) -> int:
+    """Estimate how many characters `form % values` has, at most."""
+    count, widest = form.count("%"), max(map(int, re.findall(r"\d+", form)), default=0)
+    if not isinstance(values, Mapping):
+        return len(form) + _printed_length(values) + count * widest
+    # A conversion without a key, such as `%s`, writes the whole mapping.
+    entries = [values] if re.search(r"%(?![(%])", form) else list(values.values())
+    return len(form) + count * (max(map(_printed_length, entries), default=0) + widest)
 
 
 def _entries(owner: Any) -> Mapping[str, Any]:

@@ -17,6 +17,10 @@ Inertias = Literal["given", "nearest", "strict"]
 CHOICES = ("given", "nearest", "strict")
 NEAREST = Setting("inertias", "nearest")
 
+REPLACED = "inertias that no rigid body can have"
+"""Start of the note on replaced inertias."""
+
+
 PRINTED = 0.01
 """Largest change by "given", relative to the largest principal moment: the effect of rounding to three digits.
 
@@ -92,7 +96,7 @@ class RigidInertias:
         strict = '; inertias="strict" refuses them' if self._how == "given" else ""
         for owner in sorted(self._changes, key=lambda name: -self._changes[name]):
             notes.add(
-                "inertias that no rigid body can have are changed to the nearest possible; they differ by a share of "
-                f"the largest principal moment: {{}}{strict}",
+                f"{REPLACED} are changed to the nearest possible; they differ by a share of the largest principal "
+                f"moment: {{}}{strict}",
                 f"{owner} ({100 * self._changes[owner]:.2g} %)",
             )

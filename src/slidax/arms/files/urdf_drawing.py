@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, locate_errors
+from slidax.core.errors import DefinitionError, locate_errors, parse_number
 
 from ..rotations import rotation_about, rotation_by_roll_pitch_yaw
 from .reading import mesh_paths
@@ -118,6 +118,6 @@ def _colour(material: ET.Element) -> tuple[float, ...] | None:
 def _numbers(element: ET.Element | None, name: str, otherwise: str) -> list[float]:
     text = otherwise if element is None else element.get(name, otherwise)
     try:
-        return [float(word) for word in text.split()]
+        return [parse_number(word) for word in text.split()]
     except ValueError as error:
         raise DefinitionError(f"{name} must be numbers; got `{text}`") from error

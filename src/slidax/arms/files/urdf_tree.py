@@ -14,7 +14,7 @@ from slidax.core.errors import DefinitionError, nearest_word
 
 from .reading import Notes
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 CHILDREN: Mapping[str, tuple[str, ...]] = {
     "robot": ("link", "joint"),

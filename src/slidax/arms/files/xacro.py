@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.dom import minidom
 
-from slidax.core.errors import DefinitionError
+from slidax.core.errors import DefinitionError, short_repr
 from slidax.core.files import MEGABYTE, read_bytes
 
 from .expression import CHARACTERS, Budget, ExpressionError, evaluate
@@ -190,7 +190,7 @@ def _functions(xacro: Any) -> dict[str, Callable[..., Any]]:
         return ""
 
     def fatal(*words: Any) -> None:
-        raise ExpressionError(" ".join(map(str, words)))
+        raise ExpressionError(" ".join(word if isinstance(word, str) else short_repr(word) for word in words))
 
     def load_yaml(name: str) -> Any:
         return _yaml(Path(xacro.abs_filename_spec(str(name))))

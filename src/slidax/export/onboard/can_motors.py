@@ -141,10 +141,10 @@ def run_can(
     - `now`, `sleep`: clock [s], and a function that waits for a time [s].
     """
     period, tau = pilot.law.period, [0.0] * pilot.law.joints
-    motors.order(ENABLE)
-    due = now() + max(10 * period, 0.05)
-    q, dq = motors.measure(due, now)
     try:
+        motors.order(ENABLE)
+        due = now() + max(10 * period, 0.05)
+        q, dq = motors.measure(due, now)
         silent = [str(k + 1) for k, value in enumerate(q) if math.isnan(value)]
         if silent:
             return CanOutcome("motor", f"no answer of the motor at joint {', '.join(silent)}", pilot.phase)
@@ -176,11 +176,19 @@ def run_can(
             q, dq = motors.measure(due, now)
             sleep(max(due - now(), 0.0))
     finally:
-        count = round(FADE / period)
-        for k in range(count):
-            motors.command([(1.0 - (k + 1) / count) * value for value in tau], DAMPING)
-            motors.measure(now() + period, now)
-        motors.order(DISABLE)
+        # The motors are disabled even if the bus fails while the torque fades.
+        try:
+            _fade(motors, tau, period, now)
+        finally:
+            motors.order(DISABLE)
+
+
+def _fade(motors: Motors, tau: Sequence[float], period: float, now: Callable[[], float]) -> None:
+    """Damp the joints and let the last torque [N m] fade to 0."""
+    count = round(FADE / period)
+    for k in range(count):
+        motors.command([(1.0 - (k + 1) / count) * value for value in tau], DAMPING)
+        motors.measure(now() + period, now)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -105,6 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_path_options(parser)
     options = parser.parse_args(arguments)
     law = load_law(parser, options.law)
+    if options.start is not None and len(options.start) != law.joints:
+        parser.error(f"--start must be {law.joints} numbers, one for each joint; got {len(options.start)}")
     pilot, log = law.pilot(), MotionLog(law)
     prepare(options, pilot)
     action = rehearse(pilot, RehearsalArm(law, options.start), log)

@@ -63,10 +63,9 @@ class Node:
         """Follow a JointTrajectory with all joints of the law, in any order; ignore other joints with a warning."""
         logger = self.ros.get_logger()
         names = list(message.joint_names)
-        wrong = [name for name in self.joints if names.count(name) != 1]
-        if wrong or not message.points:
-            what = f"it must have the joint {wrong[0]} once" if wrong else "it has no points"
-            logger.error(f"trajectory rejected: {what}; its joints are {', '.join(names)}")
+        obstacle = self._obstacle(message)
+        if obstacle:
+            logger.error(f"trajectory rejected: {obstacle}")
             return
         others = [name for name in names if name not in self.joints]
         if others:
@@ -84,6 +83,19 @@ class Node:
         refused = self.pilot.take(times, parts[0], parts[1], parts[2] if parts[1] else None)
         if refused:
             logger.error(f"trajectory rejected: {refused}")
+
+    def _obstacle(self, message: Any) -> str:
+        """Return the reason for which the node cannot take a JointTrajectory, or ""."""
+        if self.ended:
+            return f"the law has stopped: {self.pilot.why}; start the node again"
+        if self.before is None:
+            return "no joint state has come yet; send it again after the first one"
+        names = list(message.joint_names)
+        wrong = [name for name in self.joints if names.count(name) != 1]
+        if wrong or not message.points:
+            what = f"it must have the joint {wrong[0]} once" if wrong else "it has no points"
+            return f"{what}; its joints are {', '.join(names)}"
+        return ""
 
     def _end(self) -> None:
         self.ended = True

@@ -95,7 +95,7 @@ def run_ur(
     stop_requests: list[int] | None = None,
     friction: tuple[Sequence[float], Sequence[float]] = (VISCOUS, COULOMB),
 ) -> UrOutcome:
-    """Move the arm until the motion is over or a check fails.
+    """Move the arm until the motion is over or a check fails; then end the robot's script, also after an exception.
 
     - `control`, `receive`: the connections to the robot, for commands and for measurements.
     - `pilot`: the law with its reference path and checks; this function calls its `begin`.
@@ -104,10 +104,10 @@ def run_ur(
     - `friction`: shares of viscous and of Coulomb friction that the robot compensates, one number per joint each.
     """
     viscous, coulomb = (list(share) for share in friction)
-    if not pilot.begin(receive.getActualQ()):
-        return UrOutcome("stopped", pilot.why, pilot.phase)
     action, before, waited = GO, None, 0
     try:
+        if not pilot.begin(receive.getActualQ()):
+            return UrOutcome("stopped", pilot.why, pilot.phase)
         while True:
             begun = control.initPeriod()
             now, fresh = receive.getTimestamp(), False
@@ -142,6 +142,19 @@ def run_ur(
         control.stopScript()
 
 
+def _configured(control: Control, load: Sequence[float] | None) -> Control:
+    """Set the payload (mass and centre of mass, or None) and the watchdog; if that fails, end the robot's script."""
+    try:
+        if load is not None:
+            mass, *place = load
+            control.setPayload(mass, place)
+        control.setWatchdog(WATCHDOG)
+    except BaseException:
+        control.stopScript()
+        raise
+    return control
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; return an exit code from `STATUS`."""
     parser = robot_parser(__doc__, Path(__file__).parent)
@@ -166,11 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         request_real_time_priority(not options.no_realtime)
         receive = rtde_receive.RTDEReceiveInterface(options.address, FREQUENCY)
-        control = rtde_control.RTDEControlInterface(options.address, FREQUENCY)
-        if options.load is not None:
-            mass, *place = options.load
-            control.setPayload(mass, place)
-        control.setWatchdog(WATCHDOG)
+        control = _configured(rtde_control.RTDEControlInterface(options.address, FREQUENCY), options.load)
     except Exception as error:
         print(f"no robot: {error}", file=sys.stderr)
         return STATUS["no robot"]
