@@ -9,6 +9,9 @@ pytest.importorskip("starlette", reason="the extra `studio` is not installed")
 pytest.importorskip("httpx2", reason="Starlette's test client needs httpx2")
 
 
+from slidax.studio.files import Folder
+from slidax.studio.jobs import command_of
+
 from .tricks import SECRET
 
 
@@ -101,3 +104,10 @@ def is_process_of(pid, word):
 def test_invalid_options_of_a_job_are_refused(client, kind, options, message):
     answer = client.post("/api/jobs", json={"kind": kind, "options": options})
     assert answer.status_code == 422 and message in answer.json()["error"]["message"]
+
+
+def test_a_command_with_a_report_writes_the_report_and_the_result(tmp_path):
+    (tmp_path / "log.csv").write_text("t\n")
+    options = {"log": "log.csv", "robot": "panda", "out": "arm.yaml", "report": "report"}
+    command = command_of(Folder(tmp_path), "identify", options)
+    assert command.writes == ["arm.yaml", "report"] and command.out == "report"

@@ -36,8 +36,9 @@ class JobCommand:
     - `words`: arguments after `slidax`.
     - `files`: files below the studio's folder that the command reads.
     - `changes`: changed values of a scenario, by path.
-    - `out`: the file or folder that the command writes; empty for none.
-    - `replaces`: True if `out` exists already.
+    - `out`: the file or folder with the result to show; empty for none.
+    - `writes`: all files and folders that the command writes.
+    - `replaces`: True if one of them exists already.
     - `json`: True if the command prints JSON.
     """
 
@@ -45,6 +46,7 @@ class JobCommand:
     files: list[str]
     changes: dict[str, Any]
     out: str = ""
+    writes: list[str] = field(default_factory=list)
     replaces: bool = False
     json: bool = False
 
@@ -98,6 +100,7 @@ def _folder_out(command: JobCommand, folder: Folder, value: Any, name: str) -> N
     text = _text(value, name)
     command.replaces = not folder.is_free(text)
     command.out = text
+    command.writes.append(text)
     command.words.append(f"--out={text}")
 
 
@@ -107,6 +110,7 @@ def _file_out(endings: tuple[str, ...]) -> Reader:
         require_ending(text, endings)
         command.replaces = folder.resolve(text).exists()
         command.out = text
+        command.writes.append(text)
         command.words.append(f"--out={text}")
 
     return write
@@ -326,10 +330,11 @@ class Jobs:
         if sum(not job.over for job in self._jobs.values()) >= AT_ONCE + WAITING:
             raise TooManyError("too many waiting jobs: wait, or cancel some")
         command = command_of(self._folder, kind, options)
-        if any(not job.over and command.out and job.command.out == command.out for job in self._jobs.values()):
-            raise DefinitionError(
-                f"another job is writing `{command.out}`: wait until it ends, or choose another name", where="out"
-            )
+        for text in command.writes:
+            if any(not job.over and text in job.command.writes for job in self._jobs.values()):
+                raise DefinitionError(
+                    f"another job is writing `{text}`: wait until it ends, or choose another name", where="out"
+                )
         name = secrets.token_hex(6)
         job = StudioJob(name, kind, command, self._private / f"job-{name}")
         self._jobs[name] = job
