@@ -14,7 +14,7 @@ WEEK = 7 * 24 * 3600.0
 """Time for which a program is kept [s]."""
 
 
-def taken(kept: Path) -> Path:
+def open_own_folder(kept: Path) -> Path:
     """Return a folder for this process alone, with all kept programs.
 
     JAX writes its files without a lock, so that a process could read a file that another process is writing.
@@ -38,17 +38,20 @@ def taken(kept: Path) -> Path:
     return own
 
 
-def given_back(own: Path) -> None:
+def keep_programs(own: Path) -> None:
     """Keep the programs in the folder of this process.
 
-    - `own`: the folder that `taken` returned.
+    - `own`: the folder that `open_own_folder` returned.
     """
     for file in own.glob("*-cache"):
         os.replace(file, own.parent / file.name)
     shutil.rmtree(own, ignore_errors=True)
 
 
-def pieces_of_memory() -> int:
-    """Number of memory maps of this process: each compiled program takes several of at most 65 530 on Linux; else 0."""
+def memory_maps() -> int:
+    """Number of memory maps of this process; 0 if the system does not list them.
+
+    Each compiled program takes several, and Linux allows a process 65 530.
+    """
     maps = Path("/proc/self/maps")
     return maps.read_bytes().count(b"\n") if maps.exists() else 0

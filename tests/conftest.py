@@ -39,7 +39,7 @@ settings.load_profile("slidax")
 
 OWN = pytest.StashKey[Path]()
 
-MOST_PIECES = 25_000
+MOST_MAPS = 25_000
 """Largest number of memory maps of a process: Linux allows 65 530, and the next test may need thousands."""
 
 
@@ -53,7 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
         jax.config.update("jax_disable_most_optimizations", True)
         machine.OPTIMISED = 0
         if config.pluginmanager.has_plugin("cacheprovider"):
-            config.stash[OWN] = compiled_code.taken(config.cache.mkdir("xla"))
+            config.stash[OWN] = compiled_code.open_own_folder(config.cache.mkdir("xla"))
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -75,11 +75,11 @@ def pytest_collection_finish() -> None:
 
 def pytest_runtest_teardown(item: pytest.Item) -> None:
     """Clear JAX's caches in the long version before the process reaches Linux's limit of memory maps and dies."""
-    if item.config.getoption("markexpr") != "not full" and compiled_code.pieces_of_memory() > MOST_PIECES:
+    if item.config.getoption("markexpr") != "not full" and compiled_code.memory_maps() > MOST_MAPS:
         jax.clear_caches()
         gc.collect()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     if OWN in config.stash:
-        compiled_code.given_back(config.stash[OWN])
+        compiled_code.keep_programs(config.stash[OWN])

@@ -1,6 +1,5 @@
 """The linearised loop against finite differences of the simulation, theory and gain margins."""
 
-import dataclasses
 from typing import Any
 
 import jax.numpy as jnp
@@ -15,7 +14,6 @@ from slidax.analysis.sampled_system import connected_states
 from slidax.core.errors import DefinitionError
 from slidax.law.joint_loop import LinearLoop
 from slidax.scenarios import Scenario
-from slidax.simulation.loop import ClosedLoop
 
 
 def off_by(changes: dict[str, Any], at: float) -> float:
@@ -174,12 +172,15 @@ RIVALS = ("slotine_li", "super_twisting", "pid", "nftsmc", "anftsmc", "sfsmc", "
 @pytest.mark.parametrize(
     "scheme", [pytest.param(loop, marks=[] if loop == "pid" else [pytest.mark.full]) for loop in RIVALS]
 )
-def test_linearisation_of_every_competing_scheme_has_finite_eigenvalues(scheme):
+def test_linearisation_of_every_competing_scheme_has_finite_eigenvalues_and_margins(scheme):
     changes = {**SHORT, "scheme.name": scheme}
     loop = linearise(scenarios.load("example-4.1-1khz", changes), at=0.05)
     assert loop.system.a.shape[0] >= 4 and np.isfinite(loop.system.eigenvalues).all()
-    if loop.stable:
-        assert all(margins.sensitivity >= 1.0 for margins in loop.margins("torque"))
+    if scheme == "anftsmc":
+        # Its adapted gains neither grow nor decay near the reference.
+        assert loop.system.radius == pytest.approx(1.0, abs=1e-9)
+    else:
+        assert min(margins.sensitivity for margins in loop.margins("torque")) >= 1.0
 
 
 def test_computed_torque_has_the_eigenvalues_of_its_gains():
@@ -278,6 +279,5 @@ def test_margins_agree_with_python_control(linearised):
 
 
 def test_operating_point_is_the_sample_at_the_requested_time():
-    loop, carry, _ = operating_point(scenarios.load("example-4.1-1khz", SHORT), 0.1)
-    assert isinstance(loop, ClosedLoop) and int(carry.k) == 100
-    assert dataclasses.is_dataclass(period_map(loop, carry))
+    _, carry, _ = operating_point(scenarios.load("example-4.1-1khz", SHORT), 0.1)
+    assert int(carry.k) == 100

@@ -38,8 +38,6 @@ def test_settling_time_is_the_last_sample_time_above_the_band():
 
 def test_settling_time_is_zero_if_the_error_is_never_above_the_band():
     scenario = scenarios.load("example-4.1", {"simulation.t1": 0.01})
-    from slidax import simulate
-
     run = simulate(
         scenario.plant, scenario.controller, scenario.trajectory, scenario.state0, t1=0.01, period=1e-4, bands=(100.0,)
     )
@@ -81,7 +79,7 @@ def test_halving_the_period_keeps_the_integrals_but_doubles_the_papers_sums():
     for metric in (analysis.iae, analysis.rms_error, analysis.torque_energy, analysis.torque_travel):
         np.testing.assert_allclose(metric(half), metric(whole_period), rtol=2e-3, err_msg=metric.key)
     for index in (index_sums.iae, index_sums.eci):
-        assert np.all(index(half) > 1.9 * index(whole_period))
+        np.testing.assert_allclose(index(half), 2.0 * index(whole_period), rtol=0.01, err_msg=index.key)
 
 
 @pytest.mark.full
@@ -119,8 +117,6 @@ def test_each_run_of_a_batch_has_the_metrics_of_the_single_run(engine):
 
 
 def test_user_metric_appears_with_title_unit_and_meaning_in_summary_and_comparison():
-    """A metric that only this test declares appears in the summary and in the comparison of schemes."""
-
     @analysis.metric("largest error", "{position}", bars=True, brief=True)
     def largest_error(run: Run) -> np.ndarray:
         """`max |e|` over the log."""
@@ -144,7 +140,7 @@ def test_every_metric_is_exported_with_a_unique_title_and_a_meaning():
     assert all(metric.meaning and not metric.meaning.endswith(".") for metric in metrics)
     exported = [thing for thing in vars(analysis).values() if isinstance(thing, analysis.Metric)]
     listed = {*analysis.METRICS, *analysis.TOOL_METRICS, *analysis.TOLERANCE_METRICS, *analysis.MONITOR_METRICS}
-    assert set(exported) == listed, "a metric needs its line in metrics/__init__.py"
+    assert set(exported) == listed, "a metric needs its line in analysis/__init__.py"
     scara = scenarios.load("example-4.2", {"simulation.t1": 0.01}).simulate(log_every=None)
     assert analysis.torque_energy.units(scara) == ["(N m)² s", "(N m)² s", "N² s"]
     assert analysis.iae.units(scara) == ["rad s", "rad s", "m s"]

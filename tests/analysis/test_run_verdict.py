@@ -1,3 +1,5 @@
+"""The verdict of a run: its sentence, its facts, and the figure of the bounds' shares."""
+
 import equinox as eqx
 import numpy as np
 import pytest
@@ -47,7 +49,7 @@ def test_verdict_without_a_log_reports_the_remaining_envelope_width(held):
     assert f"{100 * margin:.2g} % of its width left." in run_verdict(scenario, unlogged).sentence
 
 
-def test_verdict_of_a_run_outside_its_tolerance_band_is_bad(held):
+def test_verdict_of_a_run_outside_its_tolerance_band_is_bad():
     band = {
         "overshoot": 0.9,
         "performance": {"kind": "fixed_time", "initial": 1.0, "final": 0.001, "deadline": 0.2, "exponent": 2.01},

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from slidax.certify import admissibility
-from slidax.certify.printed import printed_period, settling_time, ultimate_bound
+from slidax.certify.printed import settling_time, ultimate_bound
 from slidax.scenarios import load
 
 NEAR = {"simulation.t1": 0.5}
@@ -34,11 +34,6 @@ def test_certificate_fails_with_the_name_of_the_failing_assumption(certificate, 
     verdict = certificate(load(name, changes))
     assert verdict.holds is False
     assert any(text in line.text for line in verdict.assumptions if line.status == "fails"), verdict.assumptions
-
-
-@pytest.mark.full
-def test_printed_period_fails_for_a_period_that_is_too_long():
-    assert printed_period(load("example-4.2", {"simulation.mode": "held", "simulation.t1": 8.0})).holds is False
 
 
 def test_start_set_just_inside_the_envelope_is_admissible():

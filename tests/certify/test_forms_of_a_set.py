@@ -33,7 +33,6 @@ SLOW = ("torque_budget",)
 
 QUICK = [item for item in CERTIFICATES if item.name not in SLOW]
 
-once = settings(max_examples=1, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
 some = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
 
 
@@ -74,18 +73,14 @@ def permuted(draw: st.DrawFn, sets: dict[str, Any]) -> dict[str, Any]:
     return dict(items)
 
 
-@once
-@given(permuted(SET))
-def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set(sets):
-    plain, other = written(SET), written(dict(reversed(sets.items())))
+def test_quick_certificates_do_not_depend_on_order_and_padding_of_a_set():
+    plain, other = written(SET), written({**NOTHING, **dict(reversed(SET.items()))})
     for certificate in QUICK:
         assert certificate(plain).as_json() == certificate(other).as_json(), certificate.name
 
 
-@once
-@given(st.integers(2, 3))
-def test_quick_certificates_do_not_depend_on_splitting_a_disturbance_into_equal_terms(terms):
-    plain, other = written(SET), written(SET, terms)
+def test_quick_certificates_do_not_depend_on_splitting_a_disturbance_into_equal_terms():
+    plain, other = written(SET), written(SET, 3)
     for certificate in QUICK:
         assert near(numbers(certificate(plain)), numbers(certificate(other)), 1e-6), certificate.name
 

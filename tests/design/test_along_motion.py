@@ -25,15 +25,12 @@ FILE = EXAMPLES / "panda-along.yaml"
 LAW = DesignPoint(0.01, 1.0, 1.0, np.array([1e-3, 2e-3]), 0.3)
 
 
-def space_of(folder: Any, file: Path = FILE) -> Any:
-    data = yaml.safe_load(file.read_text(encoding="utf-8"))
-    path = folder / "asked.yaml"
-    path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    return _begin(read_problem(path))[0]
+def space_of(file: Path = FILE) -> Any:
+    return _begin(read_problem(file))[0]
 
 
-def test_the_tracking_bound_holds_for_a_law_built_with_a_required_bound(tmp_path):
-    space = space_of(tmp_path, EXAMPLES / "two-link-along.yaml")
+def test_the_tracking_bound_holds_for_a_law_built_with_a_required_bound():
+    space = space_of(EXAMPLES / "two-link-along.yaml")
     described = space.described(DesignPoint(0.04, 1.0, 1.0, np.full(2, 0.0125), 1.0))
     law = described.build("law")
     assert space.along and law.controller.adaptation is None and law.controller.midpoint
@@ -43,7 +40,7 @@ def test_the_tracking_bound_holds_for_a_law_built_with_a_required_bound(tmp_path
     assert envelope.status == "proved"
 
 
-def test_law_with_bound_returns_the_law_with_the_smallest_bounded_error_of_the_grid(tmp_path, monkeypatch):
+def test_law_with_bound_returns_the_law_with_the_smallest_bounded_error_of_the_grid(monkeypatch):
     tried = []
 
     def verdict_of(described: Any) -> Verdict:
@@ -53,14 +50,13 @@ def test_law_with_bound_returns_the_law_with_the_smallest_bounded_error_of_the_g
         return Verdict("tracking_bound", "", holds, None, {"error": np.full(7, block.horizon)}, (), "")
 
     monkeypatch.setattr(design, "tracking_verdict", verdict_of)
-    space = space_of(tmp_path)
-    law, verdict = law_with_bound(space, LAW)
+    law, verdict = law_with_bound(space_of(), LAW)
     assert verdict.holds and (law.horizon, law.drift) == (0.014, 1.0) and law.final is LAW.final
     # Only the horizons below the first failure after a success are left out.
     assert len(set(tried)) == 20 and (0.006, 1.0) not in tried
 
 
-def test_refusal_lists_changes_of_requirements_that_give_a_bound(tmp_path, monkeypatch):
+def test_refusal_lists_changes_of_requirements_that_give_a_bound(monkeypatch):
     def verdict_of(described: Any) -> Verdict:
         fine = described.sensor.resolution <= 1e-7
         slow = described.trajectory.times[-1] >= 2.2
@@ -68,7 +64,7 @@ def test_refusal_lists_changes_of_requirements_that_give_a_bound(tmp_path, monke
 
     monkeypatch.setattr(refusal, "tracking_verdict", verdict_of)
     grows = Verdict("tracking_bound", "", False, None, {}, (), "The bound grows.")
-    answer = refusal.proof_refusal(read_problem(FILE), space_of(tmp_path), replace(LAW, final=np.full(7, 1e-3)), grows)
+    answer = refusal.proof_refusal(read_problem(FILE), space_of(), replace(LAW, final=np.full(7, 1e-3)), grows)
     assert [dict(item.changes) for item in answer.would_do] == [
         {"sensor.resolution": 1e-7},
         {"trajectory.times": [0.0, pytest.approx(2.4)]},

@@ -62,11 +62,11 @@ def test_a_row_of_the_speed_table_counts_motions_within_the_allowed_error(proble
 
 
 def test_a_refusal_proposes_a_slower_motion_that_the_arm_starts_on(problem, monkeypatch):
-    tried = []
+    on_motion = []
 
     def verdict_of(described: Any) -> Verdict:
         scenario = described.build("slower")
-        tried.append(np.allclose(scenario.state0.dq, scenario.trajectory.reference(jnp.zeros(())).dq, rtol=1e-3))
+        on_motion.append(np.allclose(scenario.state0.dq, scenario.trajectory.reference(jnp.zeros(())).dq, rtol=1e-3))
         slow = np.max(described.trajectory.frequency) < 1.2
         return Verdict("tracking_bound", "", bool(slow), None, {}, (), "")
 
@@ -74,4 +74,4 @@ def test_a_refusal_proposes_a_slower_motion_that_the_arm_starts_on(problem, monk
     fails = Verdict("tracking_bound", "", False, None, {}, (), "Torque.")
     answer = proof_refusal(problem, _begin(problem)[0], LAW, fails)
     (slower,) = (item.changes for item in answer.would_do if "workspace.speed" in item.changes)
-    assert slower["workspace.speed"] < problem.workspace.speed and all(tried)
+    assert slower["workspace.speed"] < problem.workspace.speed and all(on_motion)

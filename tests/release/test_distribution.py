@@ -67,8 +67,8 @@ def test_the_sdist_has_every_file_of_its_folders(unpacked, folder):
 
 def test_the_sdist_has_every_file_that_its_readme_links_to(unpacked):
     text = (unpacked / "README.md").read_text(encoding="utf-8")
-    for link in re.findall(r"\]\((?!http)([^)#]+)", text):
-        assert (unpacked / link).exists(), link
+    links = set(re.findall(r"\]\((?!http)([^)#]+)", text))
+    assert len(links) > 10 and {link for link in links if not (unpacked / link).exists()} == set()
 
 
 def test_extra_all_has_every_extra_except_cuda():

@@ -26,16 +26,13 @@ class Counted:
     again: int = 0
     notes: list[str] = field(default_factory=list)
 
-    def kept(
-        self, shares: object, joints: int, where: str = "", slack: float = 1e-6, nearest: float | None = None
-    ) -> None:
+    def kept(self, shares: object, joints: int, where: str = "", slack: float = 1e-6) -> None:
         """Count cases by the share of the bound that each reached."""
         each = np.ravel(np.asarray(shares, float))
         beyond = ~(each <= 1.0 + slack)
         self.cases += each.size
         self.exceeded += int(beyond.sum())
-        largest = float(np.max(each[np.isfinite(each)], initial=0.0)) if nearest is None else nearest
-        self.nearest = max(self.nearest, largest)
+        self.nearest = max(self.nearest, float(np.max(each[np.isfinite(each)], initial=0.0)))
         self.joints.add(joints)
         if beyond.any():
             self.notes.append(f"{where}: {int(beyond.sum())} of {each.size} beyond, {np.max(each):.6g}")

@@ -72,26 +72,26 @@ def _of_one(rng: np.random.Generator, joints: int, _: int) -> tuple[Any, np.ndar
 def parameters(rng: np.random.Generator) -> dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]]:
     """Components with values in their ranges, and values outside them, by name."""
     u = lambda low, high: float(rng.uniform(low, high))  # noqa: E731
-    beyond = lambda: float(10 ** rng.uniform(-6.0, 2.0))  # noqa: E731
+    positive = lambda: float(10 ** rng.uniform(-6.0, 2.0))  # noqa: E731
     final = u(1e-4, 0.1)
-    envelope = {"initial": final + beyond(), "final": final, "deadline": beyond(), "exponent": 2.0 + beyond()}
-    surface = {"k1": beyond(), "k2": beyond(), "p": u(0.01, 0.99), "q": 1.0 + beyond(), "delta": u(1e-6, 1.0)}
-    reaching = {"gain": beyond(), "exponent": 1.0 + beyond(), "layer": beyond()}
-    least = beyond()
-    bound = {"inverse_inertia_min": least, "inverse_inertia_max": least + beyond()}
-    bound |= {"b0": beyond(), "b1": beyond(), "b2": beyond(), "margin": beyond()}
-    none = rng.choice([0.0, -1.0]) * beyond()
+    envelope = {"initial": final + positive(), "final": final, "deadline": positive(), "exponent": 2.0 + positive()}
+    surface = {"k1": positive(), "k2": positive(), "p": u(0.01, 0.99), "q": 1.0 + positive(), "delta": u(1e-6, 1.0)}
+    reaching = {"gain": positive(), "exponent": 1.0 + positive(), "layer": positive()}
+    least = positive()
+    bound = {"inverse_inertia_min": least, "inverse_inertia_max": least + positive()}
+    bound |= {"b0": positive(), "b1": positive(), "b2": positive(), "margin": positive()}
+    none = rng.choice([0.0, -1.0]) * positive()
     return {
         "20": (FixedTime, envelope, {"initial": final - u(0.0, 1.0) * final, "final": none, "deadline": none,
-                                     "exponent": 2.0 - rng.choice([0.0, beyond()])}),
+                                     "exponent": 2.0 - rng.choice([0.0, positive()])}),
         "13": (lambda **values: PrescribedPerformance(FixedTime(**envelope), **values), {"overshoot": u(0.01, 0.99)},
-               {"overshoot": rng.choice([none, 1.0 + rng.choice([0.0, beyond()])])}),
-        "29": (SmoothFixedTime, surface, {"k1": none, "k2": none, "p": rng.choice([none, 1.0 + beyond(), 1.0]),
-                                          "q": 1.0 - rng.choice([0.0, beyond()]),
-                                          "delta": rng.choice([none, 1.0 + beyond()])}),
-        "43": (FixedTimeReaching, reaching, {"gain": none, "exponent": 1.0 - rng.choice([0.0, beyond()]),
-                                             "layer": -beyond()}),
-        "45": (UncertaintyBound, bound, {"b0": -beyond(), "b1": -beyond(), "b2": -beyond(), "margin": none,
+               {"overshoot": rng.choice([none, 1.0 + rng.choice([0.0, positive()])])}),
+        "29": (SmoothFixedTime, surface, {"k1": none, "k2": none, "p": rng.choice([none, 1.0 + positive(), 1.0]),
+                                          "q": 1.0 - rng.choice([0.0, positive()]),
+                                          "delta": rng.choice([none, 1.0 + positive()])}),
+        "43": (FixedTimeReaching, reaching, {"gain": none, "exponent": 1.0 - rng.choice([0.0, positive()]),
+                                             "layer": -positive()}),
+        "45": (UncertaintyBound, bound, {"b0": -positive(), "b1": -positive(), "b2": -positive(), "margin": none,
                                          "inverse_inertia_min": rng.choice([none, least + 200.0])}),
     }  # fmt: skip
 

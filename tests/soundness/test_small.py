@@ -24,6 +24,7 @@ def test_simulated_arms_never_exceed_a_certified_bound(joints):
         count = Counted()
         judge(1, *numbers, joints, count)
         assert (count.exceeded, count.missed) == (0, 0), count.notes
+        assert count.cases > 0
 
 
 @pytest.mark.full

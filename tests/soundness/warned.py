@@ -23,9 +23,9 @@ def judged(seed: int, laws: int, runs: int, joints: int, count: Counted, *, kalm
     rng = np.random.default_rng([seed, joints, kalman])
     period = float(10 ** rng.uniform(-3.3, -2.4))
     options = {"delay": 0, "kalman": kalman, "resolution": 0.0, "samples": SAMPLES}
-    ones = [scenario(rng, **options, joints=joints, period=period) for _ in range(laws)]
-    first = ones[0]
-    watched = [_watched(item.controller) for item in ones]
+    scenarios = [scenario(rng, **options, joints=joints, period=period) for _ in range(laws)]
+    first = scenarios[0]
+    watched = [_watched(item.controller) for item in scenarios]
     final = np.stack([np.asarray(item.step.transformation.performance.final) * np.ones(joints) for item in watched])
     horizon = np.array([float(item.horizon) for item in watched])
     size = final[:, None, None] / horizon[:, None, None, None] ** 2 * 10 ** rng.uniform(-2.0, 2.0, (laws, runs, 1, 1))
@@ -35,7 +35,7 @@ def judged(seed: int, laws: int, runs: int, joints: int, count: Counted, *, kalm
     kappa = 2.0 ** rng.uniform(-1.0, 1.0, (laws, runs, joints))
     inertia = np.stack([np.asarray(item.nominal.inertia) for item in watched])
     torques = np.einsum("lij,lmkj->lmki", inertia, size * turning)
-    starts = np.repeat(np.stack([np.asarray(item.state0.q) for item in ones])[:, None], runs, axis=1)
+    starts = np.repeat(np.stack([np.asarray(item.state0.q) for item in scenarios])[:, None], runs, axis=1)
 
     def parts(law, options):
         mass, torque, q = options

@@ -119,7 +119,9 @@ def _filtered(signal: Signal, edges: float | tuple[float, float], kind: str, per
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(2, edges, kind, fs=2.0 * np.pi / period, output="sos")
-    return sosfiltfilt(sections, signal, axis=0)
+    # A run that ends at once has fewer samples than SciPy would add at its ends.
+    padding = min(3 * (2 * len(sections) + 1), len(signal) - 1)
+    return sosfiltfilt(sections, signal, axis=0, padlen=padding)
 
 
 def joint_loops(scenario: Scenario) -> tuple[LinearLoop | None, ...]:

@@ -20,11 +20,12 @@ def as_integer(value: Any) -> Array:
 
     Raises DefinitionError for a number that is not an integer.
     """
-    if isinstance(value, jax.Array):
-        return value
-    number = np.asarray(value)
+    is_array = isinstance(value, jax.Array)
+    number = value if is_array else np.asarray(value)
     if number.size and not np.issubdtype(number.dtype, np.integer):
         raise DefinitionError(f"a whole number or a list of whole numbers is needed; got {short_repr(value)}")
+    if is_array:
+        return value
     return jax.device_put(number.astype(int))
 
 

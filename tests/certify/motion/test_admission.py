@@ -115,11 +115,6 @@ def test_setting_outside_the_tracking_bounds_scope_is_named_with_a_valid_remedy(
     assert tracking_bound(sx.scenarios.load(PANDA, changes | remedy)).holds
 
 
-def test_tracking_bound_does_not_apply_to_an_uncertain_encoder_resolution():
-    verdict = tracking_bound(sx.scenarios.load(PANDA, {"uncertainty": {"sensor.resolution": {"between": [0, 1e-3]}}}))
-    assert verdict.holds is None and "`sensor.resolution`" in verdict.statement
-
-
 def test_motion_that_is_too_fast_is_admitted_after_the_suggested_slowdown(law):
     answer = admit(law, motion(0.33), allowed=0.003)
     assert not answer.admitted and answer.limit is not None and answer.slow_down is not None

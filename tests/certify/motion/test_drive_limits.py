@@ -187,7 +187,7 @@ def test_planned_torque_agrees_with_the_simulated_torque_of_an_exactly_known_arm
     np.testing.assert_allclose(largest, bounds.planned_torque, atol=0.02)
 
 
-def test_torque_step_bound_is_at_most_the_sum_of_its_terms() -> None:
+def test_torque_step_bound_is_from_the_planned_step_to_the_sum_of_its_terms() -> None:
     *_, bounds = case("smooth", 0)
     assert np.all(bounds.step <= sum(bounds.step_terms.values()) * (1 + 1e-9))
     assert np.all(bounds.planned_step <= bounds.step)

@@ -58,8 +58,9 @@ def test_eigenvalues_of_the_inertia_ratio_stay_within_the_band() -> None:
     chain = Chain.of(arm)
     q = rng.uniform(-2.5, 2.5, size=(200, 7))
     nominal, _ = dynamics(chain, q, np.zeros_like(q))
+    largest = 0.0
     for _ in range(5):
         true, _ = dynamics(chain.member(rng, p), q, np.zeros_like(q))
         ratios = np.linalg.eigvals(np.linalg.solve(nominal, true)).real
-        assert ratios.min() >= 1 - p - 1e-9
-        assert ratios.max() <= 1 + p + 1e-9
+        largest = max(largest, np.abs(ratios - 1.0).max())
+    assert 0.5 * p < largest <= p + 1e-9

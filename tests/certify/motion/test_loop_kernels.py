@@ -66,7 +66,7 @@ def test_disturbance_with_the_signs_of_the_kernel_attains_the_kernel_gain(name: 
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_responses_to_noise_and_ramps_stay_below_their_kernel_gains(name: str) -> None:
+def test_responses_to_noise_and_ramps_come_near_their_kernel_gains_and_stay_below(name: str) -> None:
     loop, rng = LOOPS[name], np.random.default_rng(1)
     kernels = loop_kernels(loop)
     noise = rng.choice([-1e-5, 1e-5], size=1500)
@@ -74,8 +74,10 @@ def test_responses_to_noise_and_ramps_stay_below_their_kernel_gains(name: str) -
     ramp = ramp + loop.period * np.array([0.25, 0.75])
     runs = simulated(loop, np.zeros((1500, 1)), noise=noise), simulated(loop, ramp - ramp[0, 0])
     for output in ("error", "velocity", "command"):
-        assert np.max(np.abs(runs[0][output])) <= 1e-5 * kernels[output].noise.sum()
-        assert np.max(np.abs(runs[1][output])) <= kernels[output].ramp.sum() * 1.001
+        noise_share = np.max(np.abs(runs[0][output])) / (1e-5 * kernels[output].noise.sum())
+        assert 0.5 < noise_share <= 1.0
+        ramp_share = np.max(np.abs(runs[1][output])) / kernels[output].ramp.sum()
+        assert 0.15 < ramp_share <= 1.001
 
 
 def test_response_deviation_is_bounded_for_random_inertia_ratios_in_the_band() -> None:

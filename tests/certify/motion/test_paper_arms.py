@@ -63,6 +63,30 @@ def test_simulated_two_link_arms_of_the_set_stay_within_the_tracking_bound():
     assert (worst <= verdict.bound["error"]).all() and (worst > 0.1 * verdict.bound["error"]).all()
 
 
+BETWEEN_SAMPLES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
+    "a ripple at the sample rate": ([{"kind": "harmonic", "amplitude": [1.0, 0.5], "frequency": 2000.0 * np.pi}], {}),
+    "a pulse between two samples": ([{"kind": "step", "value": [1.0, 0.5], "start": 0.2004, "end": 0.2008}], {}),
+    "ten uncertain amplitudes": (
+        [{"kind": "harmonic", "amplitude": [0.0, 0.0], "frequency": 20.0}] * 10,
+        {f"disturbance.terms.{k}.amplitude": {"between": [[-0.1, -0.05], [0.1, 0.05]]} for k in range(10)},
+    ),
+}
+"""Disturbances of up to 1 N m and 0.5 N m that are zero at each sample or in the middle of their set."""
+
+
+@pytest.mark.parametrize("name", BETWEEN_SAMPLES)
+def test_disturbance_counts_in_the_tracking_bound_with_its_largest_torque(name):
+    def error(terms: list[dict[str, Any]], sets: dict[str, Any]) -> Any:
+        changes = {"actuator.rate": 4e4, "disturbance.terms": terms, "uncertainty": {**NEAR["uncertainty"], **sets}}
+        verdict = tracking_bound(sx.scenarios.load("example-4.1-1khz", {**NEAR, **changes}))
+        assert verdict.holds, verdict.statement
+        return verdict.bound["error"]
+
+    bound = error(*BETWEEN_SAMPLES[name])
+    np.testing.assert_allclose(bound, error([{"kind": "constant", "value": [1.0, 0.5]}], {}), rtol=1e-9)
+    assert (bound > 1.1 * error([], {})).all()
+
+
 @pytest.mark.parametrize(
     ("changes", "named"),
     [

@@ -54,7 +54,7 @@ def test_random_arms_of_a_set_lie_within_its_parameter_region(name: str) -> None
     whole = scenario(SETS[name])
     area, rng = region(SETS[name]), np.random.default_rng(0)
     family, nominal = Family.of(whole.description), whole.controller.nominal
-    dimensions, largest = family.uncertain.dimensions, np.zeros(3)
+    dimensions, largest = family.uncertain.dimensions, np.zeros(2)
     rows = np.concatenate([parameters_of(area.deviations), area.rotor_deviations], axis=1)
     cover = np.swapaxes(area.points, 1, 2) @ area.points
     states = rng.uniform(-1.5, 1.5, (20, 7))

@@ -46,7 +46,8 @@ def test_largest_derivative_bounds_all_later_times(motion):
     for order in range(1, 6):
         bounds = motion.largest_derivative(since, order)
         for time, bound in zip(since, bounds, strict=True):
-            assert (np.abs(motion.derivative(np.linspace(time, 9.0, 5000), order)) <= bound * (1 + 1e-12)).all()
+            largest = np.abs(motion.derivative(np.linspace(time, 9.0, 5000), order)).max(axis=0)
+            assert (largest <= bound * (1 + 1e-12)).all() and (bound <= 5.0 * largest).all()
 
 
 @MOTIONS
@@ -56,7 +57,8 @@ def test_motion_bounds_of_a_path_cell_hold_between_its_samples(motion):
     t = np.linspace(0.0, 2.0, 40_001)
     index = np.minimum((t / (2 * cells.half)).astype(int), len(cells.q) - 1)
     for order, bound in enumerate((cells.speed, cells.acceleration, cells.jerk), start=1):
-        assert (np.abs(motion.derivative(t, order)) <= bound[index] * (1 + 1e-12)).all()
+        value = np.abs(motion.derivative(t, order))
+        assert (value <= bound[index] * (1 + 1e-12)).all() and value.sum() >= 0.9 * bound[index].sum()
     for order in (0, 1):
         extremes, values = pieces_of(motion, 2.0).extremes(order), motion.derivative(t, order)
         assert (extremes.least <= values.min(axis=0)).all() and (extremes.largest >= values.max(axis=0)).all()

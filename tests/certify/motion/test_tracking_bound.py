@@ -220,11 +220,10 @@ def test_a_disturbance_with_the_signs_of_the_kernel_attains_the_bound_of_a_known
 def test_bounds_grow_with_every_uncertainty() -> None:
     arm = arm_of("panda")
     motion = short(arm, 1)
-    base: dict[str, Any] = {}
 
     def error(p: float = 0.02, rotors: float | None = None, **changes: Any) -> np.ndarray:
         band = BodyBand(p, p if rotors is None else rotors)
-        return certified_path(arm, motion, LOOP, uncertainty(0.02, band=band, **base | changes)).bounds.error
+        return certified_path(arm, motion, LOOP, uncertainty(0.02, band=band, **changes)).bounds.error
 
     ladders: list[list[dict[str, Any]]] = [
         [{"p": 0.0, "rotors": 0.02}, {"p": 0.01, "rotors": 0.02}, {}, {"p": 0.03, "rotors": 0.02}],

@@ -31,9 +31,11 @@ def memories(actuator, commands, period=PERIOD):
         (([10.0, INF],), [-12.0, 12.0], [0.0, 0.0], [-10.0, 12.0]),
         ((INF, [100.0, 1000.0]), [12.0, 12.0], [5.0, 5.0], [6.0, 12.0]),
         ((10.0, 300.0), [40.0, -40.0], [9.0, 9.0], [10.0, 6.0]),
+        # A torque limit below the last torque is kept at once, whatever the rate limit.
+        ((5.0, 100.0), [20.0, -20.0], [12.0, -12.0], [5.0, -5.0]),
     ],
 )
-def test_torque_limit_applies_before_the_rate_limit(limits, command, last, expected):
+def test_limited_torque_is_the_nearest_one_within_both_limits(limits, command, last, expected):
     limited = TorqueLimits(*limits)(jnp.array(command), jnp.array(last), PERIOD)
     np.testing.assert_allclose(limited, expected, rtol=1e-15)
 

@@ -144,7 +144,7 @@ def test_log_whose_scenario_is_not_text_is_refused_in_one_line(tmp_path, command
     assert "no UTF-8 text" in lines[0]
 
 
-def test_mcap_file_of_other_software_is_refused_as_a_slidax_log(tmp_path):
+def test_joint_states_of_other_software_are_read_but_refused_as_a_slidax_log(tmp_path):
     import foxglove
 
     context = foxglove.Context()

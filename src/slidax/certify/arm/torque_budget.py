@@ -96,6 +96,15 @@ class ApproachRuns:
         last = np.where(in_any_run.any(axis=0), len(self.t) - 1 - np.argmax(in_any_run[::-1], axis=0), -1)
         return np.where(last >= 0, self.t[np.minimum(last + 1, len(self.t) - 1)], 0.0)
 
+    def since(self, limit: Floats, change: Floats) -> float | None:
+        """Return the time after which no joint reaches a limit [s]; None if none does. Arguments as in `reached`."""
+        return float(np.max(self.free_after(limit, change))) if self.reached(limit, change).any() else None
+
+    def becomes_free(self, limit: Floats, change: Floats) -> bool:
+        """True if all runs end, and no limit is reached in the last part `FREE` of them. Arguments as in `reached`."""
+        since = self.since(limit, change)
+        return self.ended and (since is None or since <= (1.0 - FREE) * self.until)
+
 
 def simulate_approach(members: Members, longest: float = np.inf) -> ApproachRuns:
     """Simulate the approach to the reference for members and starts at corners of a set, for at most `longest` [s]."""
@@ -278,9 +287,8 @@ def torque_budget(scenario: Scenario, demand: Demand | None = None, family: Fami
     used = np.maximum(torque / limit, step / change)
     reached = approach.reached(limit, change)
     steady = float(used.max())
-    free_after = approach.free_after(limit, change)
-    since = float(np.max(free_after)) if reached.any() else None
-    free = approach.ended and (since is None or since <= (1.0 - FREE) * approach.until)
+    free_after, since = approach.free_after(limit, change), approach.since(limit, change)
+    free = approach.becomes_free(limit, change)
     holds = bool(steady < 1.0 and free)
     rest = approach if since is None or not free else approach.after(since)
     share = max(steady, float(np.max(rest.peak / limit)), float(np.max(rest.step / change)))
@@ -401,18 +409,21 @@ def _remedies(
 
 
 def _longer_deadline(scenario: Scenario, family: Family | None, limit: Floats, change: Floats) -> list[Remedy]:
-    """Return a remedy with the shortest deadline of `LONGER` for which the approach reaches no limit; else none."""
-    performance: Any = getattr(scenario.description.scheme, "performance", None)
-    deadline = getattr(performance, "deadline", None)
+    """Return a remedy with the shortest deadline of `LONGER` with which the approach becomes free; none without one."""
+    scheme: Any = scenario.description.scheme
+    owner, path = scheme, "scheme.performance.deadline"
+    if hasattr(scheme, "transformation"):
+        owner, path = scheme.transformation, "scheme.transformation.performance.deadline"
+    deadline = getattr(getattr(owner, "performance", None), "deadline", None)
     if deadline is None or family is not None or scenario.changed:
         return []
     for factor in LONGER:
-        value = (np.asarray(deadline, float) * factor).tolist()
+        value = np.vectorize(lambda later: float(f"{later:.3g}"))(np.asarray(deadline, float) * factor).tolist()
         try:
-            other = alter(scenario, {"scheme.performance.deadline": value})
+            other = alter(scenario, {path: value})
         except DefinitionError:
             return []
         approach = simulate_approach(Members.of(other), longest=scenario.t1)
-        if approach.ended and not approach.reached(limit, change).any():
-            return [Remedy("more time for the approach to the reference", {"scheme.performance.deadline": value})]
+        if approach.becomes_free(limit, change):
+            return [Remedy("more time for the approach to the reference", {path: value})]
     return []

@@ -80,18 +80,24 @@ def test_jittered_delays_fill_their_range_and_are_never_negative():
 
 def test_the_seed_determines_the_ages_of_jittered_samples():
     """A clock measured with the same seed shows the age."""
-
     times = np.asarray(sampled(Delayed(Exact(), 2.2, 3.0, seed=5), clock, 100).state.q)[:, 0]
     measured = sampled(Delayed(Exact(), 2.2, 3.0, seed=5), cubic, samples=100).state
     np.testing.assert_allclose(measured.q[4:], jax.vmap(cubic)(jnp.asarray(times)).q[4:], atol=1e-12)
 
 
 def test_a_delayed_sensor_measures_the_earlier_state():
-    late = sampled(Delayed(Encoders(1e-2), 2), samples=30).state
+    delayed = sampled(Delayed(Encoders(1e-2), 2), samples=30).state
     right = sampled(Encoders(1e-2), samples=30).state
-    np.testing.assert_array_equal(late.q[2:], right.q[:-2])
-    drive = sampled(Delayed(DifferencedEncoders(1e-3), 1), samples=30).state
-    assert np.all(np.isfinite(drive.dq)) and np.max(np.abs(drive.dq[1:] - sampled(Exact()).state.dq[0])) < 3.5
+    np.testing.assert_array_equal(delayed.q[2:], right.q[:-2])
+
+
+def test_a_delayed_drive_differences_the_earlier_counts():
+    delayed = sampled(Delayed(DifferencedEncoders(1e-3), 1), samples=30).state
+    right = sampled(DifferencedEncoders(1e-3), samples=30).state
+    np.testing.assert_array_equal(delayed.q[1:], right.q[:-1])
+    # Before the start the motion has a constant velocity; the first differences have the error of a count per period.
+    np.testing.assert_allclose(delayed.dq[:2], np.tile(right.dq[0], (2, 1)), atol=1e-3 / 1e-2)
+    np.testing.assert_allclose(delayed.dq[5:], right.dq[4:-1], atol=1e-8)
 
 
 def test_planned_outages_have_their_length_and_repeat_the_last_sample():
@@ -168,3 +174,16 @@ def test_outages_vary_in_a_batch():
 def test_invalid_delays_and_losses_are_refused(make, field, value, rule):
     with pytest.raises(DefinitionError, match=rule):
         make(Exact(), **({"periods": 1.0} if make is Delayed else {}) | {field: value})
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: Encoders(0.0, seed=jnp.asarray(0.5)),
+        lambda: Lossy(Exact(), pattern=jnp.asarray([0.5, 0.0])),
+        lambda: Lossy(Exact(), pattern=[0.5, 0.0]),
+    ],
+)
+def test_a_fraction_in_place_of_a_whole_number_is_refused(build):
+    with pytest.raises(DefinitionError, match="a whole number or a list of whole numbers is needed"):
+        build()
