@@ -74,7 +74,7 @@ def test_an_error_begins_with_the_path_of_the_file(read, text, tmp_path):
 def test_unknown_tip_or_locked_joint_is_named_with_its_nearest(read, text):
     with pytest.raises(DefinitionError, match=r"`tip` names .*`toll`.* did you mean `tool`"):
         read(text, tip="toll")
-    with pytest.raises(DefinitionError, match=r"`locked` names joint `elbov`.* did you mean `elbow`"):
+    with pytest.raises(DefinitionError, match=r"`locked` names .*`elbov`.* did you mean `elbow`"):
         read(text, locked={"elbov": 0.0})
     with pytest.raises(DefinitionError, match="joint `elbow` at 3, which is outside its limits"):
         read(text, locked={"elbow": 3.0})

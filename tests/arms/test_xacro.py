@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import math
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -229,6 +230,43 @@ def test_expressions_of_robot_files_have_pythons_values(words, value):
         "max": max,
     }
     assert evaluate(words, names, {}) == pytest.approx(value)
+
+
+TOO_LONG = (
+    "('a' * 9998).join(reversed(['b'] * 10000))",
+    "('a' * 90000).join(dict(zip('bcdefgh', 'bcdefgh')))",
+    "'%(a)s' * 4000 % dict(a='x' * 90000)",
+    "'%s%s' % ('x' * 90000, 'x' * 90000)",
+    "'%999s' * 4000 % tuple(['x'] * 4000)",
+    "str(['x' * 90000] * 1000)",
+    "['x' * 90000] * 1000",
+)
+
+
+@pytest.mark.parametrize("words", TOO_LONG)
+def test_a_text_that_would_be_too_long_is_refused_before_it_is_built(words):
+    safe = {function.__name__: function for function in (reversed, zip, dict, str, tuple)}
+    tracemalloc.start()
+    try:
+        with pytest.raises(ExpressionError, match="a text could be too long"):
+            evaluate(words, safe, {})
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        ("', '.join(reversed(['b', 'a']))", "a, b"),
+        ("'-'.join({'a': 1, 'b': 2})", "a-b"),
+        ("'%(side)s_%(number)03d' % dict(side='left', number=7)", "left_007"),
+        ("'%.3f %%' * 100 % tuple([1.5] * 100)", "1.500 %" * 100),
+    ],
+)
+def test_joined_and_formatted_texts_have_pythons_values(words, value):
+    safe = {function.__name__: function for function in (reversed, dict, tuple)}
+    assert evaluate(words, safe, {}) == value
 
 
 def test_undefined_name_in_an_expression_is_reported(tmp_path):

@@ -147,7 +147,7 @@ def test_the_getting_started_page_installs_the_extras_that_it_uses(words, extra)
 
 def test_pages_state_the_default_number_of_runs_of_slidax_design():
     (runs,) = (parameter for parameter in get_command(app).commands["design"].params if parameter.name == "runs")
-    pages = {"explain.md": "`--runs {}`, its", "design.md": "{} cases are tried"}
+    pages = {"explain.md": "its default, `--runs {}`", "design.md": "{} random cases by default"}
     for page, words in pages.items():
         assert words.format(runs.default) in (ROOT / "docs" / page).read_text(encoding="utf-8")
 

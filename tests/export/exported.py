@@ -21,12 +21,15 @@ TYPES = {"b1": "?", "u32": "u4", "i32": "i4", "i64": "i8", "u64": "u8"}
 
 DRIVER = """
 #include "{p}.h"
+static {p}_state state;
+void forget(void)
+{{
+    {p}_reset(&state);
+}}
 void many(long count, const {p}_measurement *m, const {p}_reference *r, const {p}_memory *before,
           const {p}_parameters *p, {p}_command *c, {p}_memory *after, uint32_t *status)
 {{
-    {p}_state state;
     long k;
-    {p}_reset(&state);
     for (k = 0; k < count; ++k) {{
         state.memory = before[k];
         status[k] = {p}_step(&m[k], &r[k], &state, p, &c[k]);
@@ -65,7 +68,11 @@ class Exported:
         self.library[f"{self.project.prefix}_parameters_default"](at(result))
         return result
 
-    def answers(self, samples, parameters=None):
+    def answers(self, samples, parameters=None, *, fresh=True):
+        """Answers to the samples, each with its own memory.
+
+        - `fresh`: False keeps the values that the previous call computed from its parameters.
+        """
         measurement = self._filled("measurement", (samples.t, samples.state))
         reference = self._filled("reference", (samples.now, samples.following))
         before = self._filled("memory", samples.memory)
@@ -74,6 +81,8 @@ class Exported:
             np.zeros(count, self.types["outputs"]), np.zeros(count, self.types["memory"]), np.zeros(count, np.uint32)
         )
         defaults = self.parameters() if parameters is None else parameters
+        if fresh:
+            self.library.forget()
         self.library.many(ctypes.c_long(count), *map(at, (measurement, reference, before, defaults, *result)))
         return result
 
@@ -127,7 +136,7 @@ def at(array):
 
 
 def copied_with_a_wrong_answer(folder, copy):
-    """Copy a project to another folder, with the first sliding variable off by 1e-9 of itself."""
+    """Copy a project to another folder, with a relative error of 1e-9 in the first sliding variable."""
     for file in folder.iterdir():
         if file.is_file():
             shutil.copy(file, copy)

@@ -9,7 +9,7 @@ import pytest
 import slidax as sx
 from slidax.certify.motion.admission import admit, certified_law
 from slidax.core.errors import DefinitionError
-from slidax.export.admission import PIECES, POWERS, export_admission
+from slidax.export.admission import PIECES, POWERS, _groups, export_admission
 from slidax.export.c_project import project
 from slidax.motions.waypoints import MinimumJerk
 from tests.certify.motion.test_hand_over import PANDA, SCHEMES
@@ -24,7 +24,7 @@ REASONS = {1: "error", 2: "position", 3: "speed", 4: "torque", 5: "torque step",
 
 
 class CompiledAdmission:
-    """The function of an exported law, called from here."""
+    """The admission function of an exported law, called through ctypes."""
 
     def __init__(self, scenario: Any, folder: Any, *optimised: str) -> None:
         export_admission(scenario, project(scenario, name="law", with_golden=False), folder)
@@ -103,14 +103,14 @@ class CompiledAdmission:
 
 
 def random_motions(law: Any, count: int, seed: int = 0) -> list[MinimumJerk]:
-    """Between random postures, from slow to too fast."""
+    """Random motions between two postures, from slow to too fast."""
     rng, limits = np.random.default_rng(seed), law.arm.limits
     low, high = (np.clip(np.asarray(limit, float), -2.0, 2.0) for limit in (limits.lower, limits.upper))
     speed = np.clip(np.asarray(limits.velocity, float), 0.0, 2.0)
     motions = []
     for _ in range(count):
         share = rng.uniform(0.1, 1.3)
-        # Near each other, so that the motion is short.
+        # The postures are near each other, so that the motion is short.
         points = rng.uniform(low, high) + 0.3 * (high - low) * rng.uniform(-0.5, 0.5, (2, len(low)))
         points = 0.5 * (low + high) + 0.6 * (points - 0.5 * (low + high))
         motions.append(MinimumJerk.within(points, velocity=share * speed, acceleration=4.0 * share))
@@ -152,6 +152,15 @@ CASES: dict[str, tuple[dict[str, Any], float]] = {
 def two_links(tmp_path_factory):
     scenario = sx.scenarios.load("example-4.1-1khz", NEAR)
     return CompiledAdmission(scenario, tmp_path_factory.mktemp("admission")), certified_law(scenario)
+
+
+def test_the_tables_in_c_reach_every_growth_rate_that_python_accepts(two_links):
+    _, law = two_links
+    largest = 0.5 * law.loop.decay
+    assert 4.0 * largest % 1.0 > 0.0
+    growths, _ = _groups(law.loop, law.uncertainty.region(law.bodies).p)
+    # Python rounds a growth rate up to a multiple of 0.25.
+    assert growths[-1] == np.ceil(4.0 * largest) / 4.0
 
 
 def test_admission_in_c_decides_as_python_with_the_same_bounds(two_links):

@@ -13,7 +13,8 @@ def test_export_c_writes_the_project_and_prints_its_path(tmp_path):
     files = {path.name for path in out.iterdir()}
     assert files == {
         "slidax_arm.h", "slidax_arm.c", "slidax_arm.hpp", "slidax_arm_scenario.h", "slidax_arm_scenario.c",
-        "golden.h", "test_arm.c", "latency.c", "example.c", "CMakeLists.txt", "README.md", ".clang-tidy",
+        "slidax_arm_flat.h", "slidax_arm_flat.c", "golden.h", "test_arm.c", "latency.c", "example.c",
+        "CMakeLists.txt", "README.md", ".clang-tidy", "law.json",
     }  # fmt: skip
     assert ".surface_k1 = 0.4," in (out / "slidax_arm.c").read_text()
 
@@ -28,4 +29,4 @@ def test_export_ros2_writes_a_package_and_prints_its_path(tmp_path):
     assert (out / "src" / "parameters.yaml").is_file() and (out / "law" / "golden.h").is_file()
     # The written node runs without this package.
     imports = [line for line in (out / "node.py").read_text().splitlines() if line.startswith(("import", "from"))]
-    assert "slidax" not in "".join(imports)
+    assert "import sys" in imports and "slidax" not in "".join(imports)

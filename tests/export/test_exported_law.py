@@ -6,7 +6,7 @@ import pytest
 import slidax as sx
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
-from slidax.core.types import Reference, State
+from slidax.core.types import State
 from slidax.export import export_c
 from slidax.export.guarded_step import guarded_law
 from slidax.export.robots import export_ur
@@ -72,10 +72,15 @@ def test_calm_steps_of_a_law_agree_in_c_and_python(name, tmp_path):
     assert law.signals["calm"].all()
 
 
-def test_a_reference_at_rest_without_a_next_row_is_continued_at_rest(law):
-    other, still = law.another(), Reference(*(jnp.zeros(2),) * 3)
-    first = law.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still))
-    assert first[0].tolist() == other.step(0.0, [0.01, 0.0], [0.0, 0.0], rows(still), rows(still))[0].tolist()
+def test_a_missing_next_reference_is_the_current_one_continued_at_constant_acceleration(law):
+    other, still, h = law.another(), law.another(), law.period
+    for t, q, dq, now, _ in samples(20):
+        position, velocity, acceleration = wanted = rows(now)
+        following = [position + h * velocity + h * h * acceleration / 2, velocity + h * acceleration, acceleration]
+        tau = law.step(t, q, dq, wanted)[0]
+        assert tau == pytest.approx(other.step(t, q, dq, wanted, following)[0], rel=1e-9, abs=1e-9)
+        stopped = still.step(t, q, dq, wanted, wanted)[0]
+    assert not np.allclose(tau, stopped, rtol=1e-3)
 
 
 def test_parameters_of_an_exported_law_are_set_by_name_and_separately_per_instance(law):
@@ -121,3 +126,26 @@ def test_the_law_of_a_robot_export_can_be_loaded(tmp_path):
     q = np.asarray(scenario.state0.q)
     tau, status = law.step(0.0, q, np.zeros(6), np.stack([q, 0 * q, 0 * q]))
     assert tau.shape == (6,) and np.isfinite(tau).all() and law.about["joints"] == 6 and status == 0
+
+
+def test_a_parameter_of_the_wrong_size_is_refused_with_both_counts(law):
+    vector = next(name for name in law if law[name].shape == (2,))
+    scalar = next(name for name in law if law[name].shape == ())
+    before = {name: law[name].tolist() for name in (vector, scalar)}
+    for name, value, words in (
+        (vector, [1.0] * 3, "must be one number or 2 numbers; got 3 numbers"),
+        (vector, [[1.0, 2.0]], r"must be one number or 2 numbers; got shape \[1, 2\]"),
+        (scalar, [1.0, 2.0], "must be one number; got 2 numbers"),
+        (scalar, "fast", "must be numbers; got 'fast'"),
+    ):
+        with pytest.raises(DefinitionError, match=f"`{name}` {words}"):
+            law[name] = value
+    assert {name: law[name].tolist() for name in before} == before
+    law[vector] = 0.5
+    assert law[vector].tolist() == [0.5, 0.5]
+
+
+def test_get_returns_the_default_for_an_unknown_parameter_like_any_mapping(law):
+    name = next(iter(law))
+    assert law.get("typo", 0) == 0 and law.get("typo") is None
+    assert law.get(name).tolist() == law[name].tolist()

@@ -12,18 +12,35 @@ from slidax.scenarios import load
         ("kg m²", "kg.m2", {"kg": 1, "m": 2}),
         ("N m s²/rad²", "N.m.s2/rad2", {"kg": 1, "m": 2, "rad": -2}),
         ("1/(kg m²)", "1/(kg.m2)", {"kg": -1, "m": -2}),
-        ("(rad/s²)² s or (m/s²)² s", "(rad/s2)2.s", {"rad": 2, "s": -3}),
         ("N m/A", "N.m/A", {"kg": 1, "m": 2, "s": -2, "A": -1}),
         ("V s", "V.s", {"kg": 1, "m": 2, "s": -2, "A": -1}),
-        ("N m/(rad s) or N/(m s)", "N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
     ],
 )
 def test_declared_units_become_fmu_units_with_their_base_units(declared, name, base):
     result = parse_unit(declared)
     assert result.name == name and dict(result.base) == base
-    if " or " in declared:
-        assert dict(parse_unit(declared, revolute=False).base) != base
-        assert parse_unit(declared, revolute=None) is None
+
+
+@pytest.mark.parametrize(
+    ("declared", "revolute", "prismatic"),
+    [
+        (
+            "(rad/s²)² s or (m/s²)² s",
+            ("(rad/s2)2.s", {"rad": 2, "s": -3}),
+            ("(m/s2)2.s", {"m": 2, "s": -3}),
+        ),
+        (
+            "N m/(rad s) or N/(m s)",
+            ("N.m/(rad.s)", {"kg": 1, "m": 2, "s": -3, "rad": -1}),
+            ("N/(m.s)", {"kg": 1, "s": -3}),
+        ),
+    ],
+)
+def test_a_unit_of_both_kinds_of_joints_follows_the_kind_of_the_joint(declared, revolute, prismatic):
+    for kind, expected in ((True, revolute), (False, prismatic)):
+        unit = parse_unit(declared, revolute=kind)
+        assert (unit.name, dict(unit.base)) == expected
+    assert parse_unit(declared, revolute=None) is None
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 import math
 import subprocess
+from operator import attrgetter
 
 import equinox as eqx
 import jax
@@ -43,23 +44,24 @@ def test_the_parameters_of_a_scenario_are_valid(guard):
 @pytest.mark.parametrize(
     ("place", "value"),
     [
-        (lambda g: g.controller.limits.torque, -math.inf),
-        (lambda g: g.controller.limits.torque, 0.0),
-        (lambda g: g.controller.limits.rate, math.nan),
-        (lambda g: g.controller.period, 0.0),
-        (lambda g: g.controller.horizon, 1e-9),
-        (lambda g: g.controller.step.surface.k1, -1.0),
-        (lambda g: g.controller.step.transformation.performance.final, 0.0),
-        (lambda g: g.controller.step.transformation.performance.final, 1e3),
-        (lambda g: g.controller.estimator.trend, 5.0),
-        (lambda g: g.controller.gate.speed, math.inf),
-        (lambda g: g.controller.gate.patience, 1.0),
-        (lambda g: g.controller.step.nominal.masses, math.inf),
-        (lambda g: g.controller.adaptation.rotor_max, -1.0),
+        ("controller.limits.torque", -math.inf),
+        ("controller.limits.torque", 0.0),
+        ("controller.limits.rate", math.nan),
+        ("controller.period", 0.0),
+        ("controller.horizon", 1e-9),
+        ("controller.step.surface.k1", -1.0),
+        ("controller.step.transformation.performance.final", 0.0),
+        ("controller.step.transformation.performance.final", 1e3),
+        ("controller.estimator.trend", 5.0),
+        ("controller.gate.speed", math.inf),
+        ("controller.gate.patience", 1.0),
+        ("controller.step.nominal.masses", math.inf),
+        ("controller.adaptation.rotor_max", -1.0),
     ],
 )
 def test_a_parameter_out_of_its_range_is_not_valid(guard, place, value):
-    wrong = eqx.tree_at(place, guard, jnp.full_like(place(guard), value))
+    where = attrgetter(place)
+    wrong = eqx.tree_at(where, guard, jnp.full_like(where(guard), value))
     assert not parameters_valid(wrong)
 
 

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from slidax.analysis import tool_error
 from slidax.export import export_c
 from slidax.report import tip_paths
 from slidax.scenarios import load
@@ -67,7 +66,7 @@ int main(void)
 
 
 def run_in_c(scenario, folder, every):
-    """Logged q, q_d and tau of a run in C, [rows, 3, 2]."""
+    """Logged q, q_d and tau of a run in C, [3, rows, 2]."""
     export_c(scenario, folder, name="law")
     (folder / "loop.c").write_text(LOOP)
     sizes = f"-DSTEPS={round(scenario.t1 / scenario.period)} -DPERIOD={scenario.period!r} -DEVERY={every}".split()
@@ -77,7 +76,7 @@ def run_in_c(scenario, folder, every):
     return np.array(rows).reshape(-1, 2, 3).swapaxes(1, 2).swapaxes(0, 1)
 
 
-def test_run_of_example_4_1_in_c_is_that_of_python_to_1e_9_over_100_000_steps(tmp_path):
+def test_run_of_example_4_1_in_c_agrees_with_python_to_1e_9_over_100_000_steps(tmp_path):
     scenario = load("example-4.1", HELD | {"simulation.log_every": 1000})
     q, _, tau = run_in_c(scenario, tmp_path, 1000)
     log = scenario.simulate().log
@@ -94,8 +93,7 @@ def test_the_loop_in_c_moves_the_tool_along_the_path_as_in_python(tmp_path):
     ours = scenario.simulate(log_every=1)
     np.testing.assert_allclose(q_d, ours.log.reference.q, rtol=0, atol=1e-12)
     np.testing.assert_allclose(q, ours.log.state.q, rtol=0, atol=1e-9)
-    actual, desired = tip_paths(scenario.plant.robot, ours)
-    assert tool_error(ours) == pytest.approx(np.linalg.norm(actual - desired, axis=1).max())
+    _, desired = tip_paths(scenario.plant.robot, ours)
     # The path: the commanded line, then a full circle back to its start.
     line = desired[:601] - desired[0]
     along = line @ np.array([-0.2, 0.1, 0.0]) / 0.05

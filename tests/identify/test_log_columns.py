@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slidax import DefinitionError
-from slidax.identify import parse_columns, read_log
+from slidax.identify import Conventions, parse_columns, read_log
 
 ARM = ("shoulder", "elbow", "wrist")
 K, N = 250, len(ARM)
@@ -411,3 +411,65 @@ def test_name_list_in_parquet_assigns_values_to_joints(tmp_path):
 def test_parquet_lists_are_read_as_joint_vectors(tmp_path):
     pq.write_table(pa.table({"time": T, "position": Q.tolist(), "effort": TAU.tolist()}), tmp_path / "a.parquet")
     assert_read(read_log(tmp_path / "a.parquet", ARM))
+
+
+CONVENTIONS = Conventions()
+KINDS = ("rad", "m", "rad")
+
+
+@pytest.mark.parametrize(
+    ("titles", "message"),
+    [
+        (
+            ["q_1 [mm]", "q_2 [mm]", "q_3 [deg]"],
+            r"column `q_1 \[mm\]` does not fit joint `shoulder`, which is revolute",
+        ),
+        (
+            ["q_1 [rad]", "q_2 [deg]", "q_3 [deg]"],
+            r"column `q_2 \[deg\]` does not fit joint `elbow`, which is prismatic",
+        ),
+        (["q_1", "q_2 [m]", "q_3 [m]"], r"column `q_3 \[m\]` does not fit joint `wrist`, which is revolute"),
+    ],
+)
+def test_a_unit_in_a_title_must_fit_the_kind_of_joint(tmp_path, titles, message):
+    log = read_log(write(tmp_path / "a.csv", ["time", *titles, *numbered("tau", "{word}_{k}")]), ARM)
+    with pytest.raises(DefinitionError, match=message):
+        CONVENTIONS.applied(log, KINDS)
+
+
+def test_a_velocity_in_a_title_must_fit_the_kind_of_joint(tmp_path):
+    titles = ["time", *numbered("q", "{word}_{k}"), "dq_1 [rad/s]", "dq_2 [rpm]", "dq_3 [rpm]"]
+    values = np.column_stack([T, Q, DQ, TAU])
+    log = read_log(write(tmp_path / "a.csv", [*titles, *numbered("tau", "{word}_{k}")], values), ARM)
+    with pytest.raises(DefinitionError, match=r"`dq_2 \[rpm\]` does not fit joint `elbow`"):
+        CONVENTIONS.applied(log, KINDS)
+
+
+def test_units_in_titles_follow_the_joint_order_of_the_log(tmp_path):
+    titles = ["time", "q_1 [mm]", "q_2 [rad]", "q_3 [deg]", *numbered("tau", "{word}_{k}")]
+    log = read_log(write(tmp_path / "a.csv", titles), ARM)
+    swapped = Conventions(joint_order=["elbow", "shoulder", "wrist"]).applied(log, KINDS)
+    np.testing.assert_allclose(swapped.q[:, 1], 1e-3 * Q[:, 0])
+    with pytest.raises(DefinitionError, match=r"`q_1 \[mm\]` does not fit joint `shoulder`"):
+        CONVENTIONS.applied(log, KINDS)
+
+
+def test_two_units_for_one_kind_of_joint_are_refused():
+    with pytest.raises(DefinitionError, match="has 2 units for revolute joints, deg, rad: choose one of them"):
+        Conventions(position_unit=["deg", "rad"])
+    with pytest.raises(DefinitionError, match="has 2 units for prismatic joints, m, mm"):
+        Conventions(position_unit=["rad", "m", "mm"])
+
+
+def test_a_position_unit_for_a_kind_that_no_joint_has_is_refused(tmp_path):
+    log = read_log(write(tmp_path / "a.csv", PLAIN), ARM)
+    with pytest.raises(DefinitionError, match="`position_unit` `mm` is for prismatic joints, and the arm has none"):
+        Conventions(position_unit=["mm"]).applied(log, ("rad", "rad", "rad"))
+    both = Conventions(position_unit=["deg", "mm"]).applied(log, KINDS)
+    np.testing.assert_allclose(both.q, Q * [np.pi / 180, 1e-3, np.pi / 180])
+
+
+@pytest.mark.parametrize("unit", ["1_0", "nan", "inf", "\uff12"])
+def test_a_time_unit_is_a_plain_number(unit):
+    with pytest.raises(DefinitionError, match="`time_unit` must be one of"):
+        Conventions(time_unit=unit)

@@ -223,7 +223,19 @@ def test_load_option_accepts_mass_centre_and_inertia_and_refuses_other_forms():
     np.testing.assert_allclose(load.center, [0.0, 0.1, -0.2])
     np.testing.assert_allclose(load.inertia, [[1, 0.1, 0.2], [0.1, 2, 0.3], [0.2, 0.3, 3]])
     np.testing.assert_allclose(parse_load("2@0,0,0@0.5").inertia, 0.5 * np.eye(3))
-    for text in ("", "heavy", "nan", "2@0,0,inf", "2@0,0", "2@0,0,0.1@1,2", "1,2", "2@0,0,0@1@2"):
+    for text in (
+        "",
+        "heavy",
+        "nan",
+        "1_5",
+        "\uff12",
+        "2@0,0,1_0",
+        "2@0,0,inf",
+        "2@0,0",
+        "2@0,0,0.1@1,2",
+        "1,2",
+        "2@0,0,0@1@2",
+    ):
         with pytest.raises(DefinitionError, match=r"`--load` takes none, unknown, or KG@X,Y,Z"):
             parse_load(text)
     with pytest.raises(DefinitionError, match=r"mass` must be >= 0 kg"):

@@ -79,7 +79,7 @@ def test_the_block_plant_changes_the_true_arm_and_the_block_nominal_changes_both
         {
             "kind": "panda",
             "nominal": {"armature": 0.1, "load": gripper, "gravity": [0.0, 3.0, -9.0]},
-            "plant": {"mass": 0.85, "inertia": 0.8, "viscous": 0.2, "coulomb": [0.1] * 7, "load": load},
+            "plant": {"mass_factor": 0.85, "inertia_factor": 0.8, "viscous": 0.2, "coulomb": [0.1] * 7, "load": load},
         }
     )
     panda = robots.panda()
@@ -121,7 +121,7 @@ REFUSED = [
     ({"kind": "panda", "plant": {"load": {}}}, "robot.plant.load.mass: is missing"),
     ({"kind": "panda", "plant": {"load": {"mass": -1}}}, "robot.plant.load: `Payload.mass` must be >= 0 kg; got -1"),
     ({"kind": "panda", "plant": {"load": {"mass": 1, "center": [0, 1]}}}, r"robot.plant.load.center: .*3.* \[0, 1\]"),
-    ({"kind": "panda", "plant": {"mass": 0}}, "robot.plant: `Mismatch.mass_factor` must be > 0; got 0"),
+    ({"kind": "panda", "plant": {"mass_factor": 0}}, "robot.plant: `Mismatch.mass_factor` must be > 0; got 0"),
     (
         {"kind": "panda", "plant": {"viscous": [0.1, 0.2]}},
         "robot.plant: `Mismatch.viscous` must be one number or one for each of the 7 joints of panda, panda_joint1, ",
@@ -151,7 +151,10 @@ REFUSED = [
     ({"kind": "urdf"}, "robot.file: is missing"),
     ({"kind": "urdf", "file": "no/such.urdf"}, "robot: cannot read the robot file `no/such.urdf`"),
     ({**URDF, "tip": "tol"}, r"robot: `tip` names link `tol`.* did you mean `tool`\?"),
-    ({**URDF, "tip": "tool", "locked": {"elbo": 0.0}}, r"robot: `locked` names joint `elbo`.* did you mean `elbow`\?"),
+    (
+        {**URDF, "tip": "tool", "locked": {"elbo": 0.0}},
+        r"robot: `locked` names .*`elbo`.* did you mean `elbow`\?",
+    ),
     ({**URDF, "tip": "tool", "lokced": {}}, r"robot: unknown key `lokced`; did you mean `locked`\?"),
 ]
 

@@ -12,6 +12,7 @@ from slidax import law as controllers
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
 from slidax.law import Linear, PrescribedPerformance, Preset, SampledData, SingularityFree, SlidingMode, SuperTwisting
+from slidax.scenarios.load import alter
 from slidax.scenarios.schemes import SCHEMES, switch_scheme
 from slidax.scenarios.yaml_text import read_yaml
 from tests.rivals import (
@@ -168,7 +169,7 @@ def test_the_short_path_of_an_envelope_parameter_builds_the_same_law():
 
 def test_a_scheme_without_a_plan_drops_the_settings_of_a_plan():
     plans = {"scheme.sampled_data.calm": True, "scheme.sampled_data.horizon": 0.02}
-    law = scenarios.load("panda-payload", {**plans, "scheme.name": "computed_torque"}).controller
+    law = alter(scenarios.load("panda-payload", plans), {"scheme.name": "computed_torque"}).controller
     assert isinstance(law, SampledData) and law.horizon is None
 
 

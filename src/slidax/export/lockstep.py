@@ -235,7 +235,7 @@ def replay(log: SavedLog) -> Replay:
     for name in COMPARED:
         wrong |= _bits_differ(repeated[name], log.law[name]).reshape(rows, -1).any(axis=1)
     wrong &= known
-    off = np.abs(repeated["tau"] - log.law["tau"])[known]
+    off = _distances(repeated["tau"], log.law["tau"])[known]
     return Replay(
         answers=int(known.sum()),
         same=int((known & ~wrong).sum()),
@@ -251,10 +251,16 @@ def _bits_differ(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return left.view(f"u{left.itemsize}") != right.view(f"u{right.itemsize}")
 
 
+def _distances(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    # The distance of two infinite torques is NaN.
+    with np.errstate(invalid="ignore"):
+        return np.abs(left - right)
+
+
 def _first(logged: dict[str, np.ndarray], again: dict[str, np.ndarray], row: int) -> Difference:
     differs = _bits_differ(again["tau"][row], logged["tau"][row])
     # A torque whose bits are the same, also an infinite one, is never the one that differs most.
-    off = np.where(differs, np.abs(again["tau"][row] - logged["tau"][row]), -1.0)
+    off = np.where(differs, _distances(again["tau"][row], logged["tau"][row]), -1.0)
     joint = int(np.argmax(off)) if differs.any() else None
     return Difference(
         tick=int(logged["k"][row]),

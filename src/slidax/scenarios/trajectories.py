@@ -177,15 +177,12 @@ class ToolPathTrajectory(TrajectoryPart):
     )
     acceleration: Numbers | None = input_field("acceleration limit", "rad/s² or m/s²", default=None, source="no limit")
     damping: float = input_field(
-        "damping d of the inverse kinematics: near a singularity the tool deviates from its pose by d² times the "
-        "force on it (Lagrange multiplier)",
+        "damping of the inverse kinematics, which allows a pose error near a singularity",
         "m or rad",
         "[0, 1]",
         default=0.0,
     )
-    tolerance: float = input_field(
-        "largest error of the tool between the knots of the joint motion", "m and rad", "[1e-9, 1e-2]", default=1e-6
-    )
+    tolerance: float = input_field("largest error of the tool between knots", "m and rad", "[1e-9, 1e-2]", default=1e-6)
     begin: float = input_field("time at which the path begins", "s", ">= 0", default=0.0)
 
     def build(self, limits: JointLimits | None = None, robot: AbstractRobot | None = None) -> AbstractMotion:

@@ -177,9 +177,10 @@ int main(int count, char **arguments)
                 }
                 is_held |= (status & SLIDAX_LAW_HELD) != 0u;
                 if (n > last) {
-                    if (status & SLIDAX_LAW_ENVELOPE_LEFT) {
+                    is_left |= (status & SLIDAX_LAW_ENVELOPE_LEFT) != 0u;
+                    /* A step that holds its command does not know where the arm is. */
+                    if ((status & (SLIDAX_LAW_ENVELOPE_LEFT | SLIDAX_LAW_HELD)) != 0u) {
                         inside_since = -1;
-                        is_left = 1;
                     } else if (inside_since < 0) {
                         inside_since = n;
                     }

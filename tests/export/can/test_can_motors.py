@@ -165,3 +165,26 @@ def test_torque_frames_and_motor_replies_pass_through_python_can(law):
 def test_an_arm_that_does_not_fit_its_motors_is_refused(tmp_path, changes, motors, words):
     with pytest.raises(DefinitionError, match=words):
         export_can(scenarios.load("example-4.1-1khz", CHANGES | changes), tmp_path, motors=motors, golden=False)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("fails", ["at the first order", "while the torque fades"])
+def test_the_motors_are_disabled_even_if_the_bus_fails(law, fails, monkeypatch):
+    arm, sends = Arm(law), []
+    pilot = law.pilot()
+    shorten(pilot, 0.01)
+    motors = Motors(law, arm, message, [1, 2], [0x11, 0x12], arm.signs, arm.zeros)
+    send = arm.send
+
+    def failing(frame):
+        sends.append(frame)
+        if len(sends) == 2 if fails == "at the first order" else len(sends) == 2 + 20:
+            raise OSError("the bus is off")
+        send(frame)
+
+    monkeypatch.setattr(arm, "send", failing)
+    # The second motor never answers, so that the torque fades at once.
+    arm.silent_from = 0.0
+    with pytest.raises(OSError, match="the bus is off"):
+        run_can(motors, pilot, None, [], lambda: arm.t, lambda _: None)
+    assert arm.orders[-2:] == [(0, DISABLE), (1, DISABLE)]

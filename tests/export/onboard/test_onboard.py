@@ -343,3 +343,47 @@ def test_no_trajectory_is_accepted_while_the_law_brings_the_arm_to_rest(law):
     for _ in range(1100):
         pilot.step(1e-3, [0.1, 0.2], [0.0, 0.0])
     assert pilot.take([2.0], [[0.0, 0.2]]) == "" and pilot.phase == "follow"
+
+
+def test_a_trajectory_is_refused_before_the_begin_and_after_a_stop(law):
+    pilot = following(law)
+    assert pilot.take([1.0], [[0.1, 0.2]]) == "the law has no measured posture yet: begin first"
+    pilot.begin([0.1, 0.2])
+    pilot.step(0.0, [0.1, 0.2], [0.0, 0.0])
+    assert pilot.step(1e-3, [5.0, 0.2], [0.0, 0.0]) == onboard.STOP
+    assert pilot.take([1.0], [[0.1, 0.2]]) == "the control has stopped: begin again first"
+
+
+EMPTY = """
+#include "slidax_law_follow.h"
+int main(void)
+{
+    static slidax_law_follow follow;
+    slidax_law_reference reference;
+    slidax_law_follow_at(&follow, 1.0, 1e-3, &reference);
+    return reference.q[0] == 0.0 && reference.dq[0] == 0.0 && slidax_law_follow_ended(&follow, 1.0) ? 0 : 1;
+}
+"""
+
+
+def test_a_reference_without_points_reads_only_memory_of_its_own(law, tmp_path):
+    (tmp_path / "empty.c").write_text(EMPTY)
+    checked = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{law.folder}"]
+    sources = [tmp_path / "empty.c", law.folder / "slidax_law_follow.c"]
+    subprocess.run(["gcc", *checked, *sources, "-lm", "-o", tmp_path / "empty"], check=True)
+    done = subprocess.run([tmp_path / "empty"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_posture_that_is_not_finite_is_refused_as_such_with_its_joint(law):
+    for value in (math.nan, math.inf):
+        pilot = law.pilot()
+        assert not pilot.begin([0.1, value])
+        assert pilot.why == "the measured posture is not finite (joint 2)"
+
+
+def test_a_start_with_the_wrong_number_of_joints_ends_the_rehearsal_with_the_rule(law, capsys):
+    with pytest.raises(SystemExit) as ended:
+        rehearsal.main(["--law", str(law.folder), "--start", "0.1"])
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert ended.value.code == 2 and line.endswith("--start must be 2 numbers, one for each joint; got 1")

@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 
 from slidax import scenarios
 from slidax.core.errors import DefinitionError
-from slidax.export.ros2 import as_list, as_text, export_ros2, interface_names
+from slidax.export.ros2 import RATE_TOLERANCE, as_list, as_text, export_ros2, interface_names, update_rate
 from tests.export.exported import needs_a_compiler, needs_cmake
 
 STUBS = Path(__file__).parent / "stubs"
@@ -122,7 +122,9 @@ def test_the_controller_follows_the_ros2_control_life_cycle(run):
     assert next(lines) == "init 1" and next(lines) == "interfaces 2 4"
     assert next(lines).startswith("wrong rate 1 the law needs 1000 Hz") and next(lines) == "configure 1"
     assert next(lines) == "an interface is missing 1"
-    assert next(lines).startswith("no posture 1 not begun: ") and next(lines) == "activate 1"
+    assert next(lines) == "no value 1 not begun: a joint has no position or velocity yet"
+    assert next(lines) == "no posture 1 not begun: the measured posture is not finite (joint 1)"
+    assert next(lines) == "activate 1"
     for what, most in (("hold", 0.02), ("trajectory", 0.1), ("there", 0.02)):
         name, number = next(lines).split()
         assert name == what and 0.0 <= float(number) < most, message
@@ -190,9 +192,7 @@ def test_no_goal_preemption_or_cancel_makes_the_torque_jump(action):
 def test_ros2_parameters_have_descriptions_and_validation_rules(parameters):
     result = dict(leaves(parameters[PACKAGE]))
     assert result["joints"]["default_value"] == ["joint_1", "joint_2"]
-    gain = (
-        result["law.kp"] if "law.kp" in result else next(value for name, value in result.items() if name.endswith("kp"))
-    )
+    gain = result["law.kp"]
     assert gain["validation"] and gain["description"]
     assert all(value["description"] for value in result.values())
     assert result["limits.torque"]["validation"] == {"fixed_size<>": [2]}
@@ -223,6 +223,7 @@ def test_the_ros2_package_declares_its_plugin_dependencies_and_configuration(pac
     manifest = ElementTree.parse(package / "package.xml").getroot()
     depends = {each.text for each in manifest.findall("depend")}
     cmake = (package / "CMakeLists.txt").read_text()
+    assert "controller_interface" in depends
     assert all(f"find_package({name} REQUIRED)" in cmake for name in depends)
     config = YAML(typ="safe").load((package / "config" / "controllers.yaml").read_text())
     manager = config["controller_manager"]["ros__parameters"]
@@ -235,3 +236,42 @@ def test_the_ros2_package_declares_its_plugin_dependencies_and_configuration(pac
 def test_an_unknown_gravity_compensation_is_refused(tmp_path):
     with pytest.raises(DefinitionError, match='must be "law" or "robot"'):
         export_ros2(scenarios.load("example-4.1-1khz"), tmp_path, gravity="nobody")
+
+
+@pytest.mark.parametrize("period", [0.03, 0.4, 3.0])
+def test_a_period_that_the_controller_would_refuse_is_refused_before_the_export(tmp_path, period):
+    scenario = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}, "simulation.period": period})
+    with pytest.raises(DefinitionError, match=r"set `simulation\.period` to 1/N s") as refused:
+        export_ros2(scenario, tmp_path, golden=False)
+    assert not list(tmp_path.iterdir())
+    remedy = float(re.search(r"--set simulation\.period=([\d.e-]+)`", str(refused.value))[1])
+    assert abs(update_rate(remedy) * remedy - 1.0) < 1e-7
+
+
+def test_the_controller_accepts_the_rates_that_the_export_accepts(package):
+    source = (package / "src" / "controller.cpp").read_text()
+    assert f"static_cast<double>(law.period) - 1.0) < {RATE_TOLERANCE}))" in source
+    for period in (1e-3, 0.0029, 1 / 33, 0.01):
+        assert abs(update_rate(period) * period - 1.0) < RATE_TOLERANCE
+
+
+def test_each_joint_of_a_scara_has_limits_in_its_own_unit(tmp_path):
+    scenario = scenarios.load("example-4.2-1khz", {"scheme": {"name": "computed_torque"}})
+    export_ros2(scenario, tmp_path, name="law", golden=False)
+    meanings = {name: value["description"] for name, value in leaves(parameters_of(tmp_path)[PACKAGE])}
+    assert meanings["limits.lower"] == "smallest positions, rad, rad, m"
+    assert meanings["limits.speed"] == "largest speeds, rad/s, rad/s, m/s"
+    assert meanings["limits.rate"] == "fastest change of a command, N m/s, N m/s, N/s"
+    assert meanings["tolerances.goal"] == "largest errors at a goal, rad, rad, m; 0: no limit"
+    pilot = (tmp_path / "law" / "slidax_law_pilot.h").read_text()
+    assert "largest accelerations of a trajectory [rad/s^2, rad/s^2, m/s^2]" in pilot
+
+
+def test_an_export_that_is_refused_for_a_joint_name_or_floats_writes_no_file(tmp_path, monkeypatch):
+    scenario = scenarios.load("example-4.1-1khz", {"scheme": {"name": "computed_torque"}})
+    with pytest.raises(DefinitionError, match="only a step in doubles"):
+        export_ros2(scenario, tmp_path, admission=True, single=True)
+    monkeypatch.setattr(type(scenario.plant.robot), "joint_names", ("a\nb", "c"))
+    with pytest.raises(DefinitionError, match="rename the joint"):
+        export_ros2(scenario, tmp_path, golden=False)
+    assert not list(tmp_path.iterdir())

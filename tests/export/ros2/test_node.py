@@ -24,7 +24,10 @@ def node():
     pilot = SimpleNamespace(options=SimpleNamespace(follows=False, path=SimpleNamespace(hold=1.0)), taken=[])
     pilot.take = lambda times, q, dq, ddq: pilot.taken.append((times, q, dq, ddq))
     law = SimpleNamespace(pilot=lambda: pilot)
-    return Node(FakeRos(), law, ["left-arm/shoulder", "left-arm/elbow"], [None] * 4)
+    node = Node(FakeRos(), law, ["left-arm/shoulder", "left-arm/elbow"], [None] * 4)
+    # A joint state has come.
+    node.before = 0.0
+    return node
 
 
 def message(names, *rows):
@@ -56,3 +59,16 @@ def test_trajectory_joints_are_matched_by_name_and_unknown_joints_ignored_with_a
 def test_a_missing_or_doubled_joint_is_refused_by_name(node, names, word):
     node.wanted(message(names, [0.0, 0.0]))
     assert not node.pilot.taken and word in node.ros.lines[0]
+
+
+def test_a_trajectory_before_the_first_joint_state_is_refused(node):
+    node.before = None
+    node.wanted(message(node.joints, [0.0, 0.0]))
+    assert not node.pilot.taken
+    assert node.ros.lines == ["trajectory rejected: no joint state has come yet; send it again after the first one"]
+
+
+def test_a_trajectory_after_a_stop_is_refused_with_the_reason_of_the_stop(node):
+    node.ended, node.pilot.why = True, "a joint exceeds its speed limit (joint 2)"
+    node.wanted(message(node.joints, [0.0, 0.0]))
+    assert not node.pilot.taken and "the law has stopped: a joint exceeds its speed limit" in node.ros.lines[0]

@@ -5,6 +5,8 @@ import math
 import os
 import re
 import subprocess
+import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -114,6 +116,31 @@ def test_faults_end_the_program_and_the_robots_script(law):
         vars(robot).update(fault)
         outcome = ur.run_ur(robot, robot, pilot)
         assert outcome.ending == ending and message in outcome.why and robot.ended and robot.period < 520
+
+
+@needs_a_compiler
+def test_the_robots_script_ends_if_the_motion_cannot_begin(law, monkeypatch):
+    pilot, robot = begun(law)
+    robot.nan_from = 0
+    outcome = ur.run_ur(robot, robot, pilot)
+    assert outcome.ending == "stopped" and "the measured posture is not finite" in outcome.why and robot.ended
+    pilot, robot = begun(law)
+    monkeypatch.setattr(robot, "getActualQ", {}.popitem)
+    with pytest.raises(KeyError):
+        ur.run_ur(robot, robot, pilot)
+    assert robot.ended
+
+
+@needs_a_compiler
+def test_the_robots_script_ends_if_the_payload_or_the_watchdog_cannot_be_set(law, monkeypatch, capsys):
+    for refused in ("setPayload", "setWatchdog"):
+        robot = Robot(rehearsal.RehearsalArm(law))
+        monkeypatch.setattr(robot, refused, lambda *_: math.sqrt(-1.0))
+        for module, name in (("rtde_control", "RTDEControlInterface"), ("rtde_receive", "RTDEReceiveInterface")):
+            monkeypatch.setitem(sys.modules, module, SimpleNamespace(**{name: lambda *_, robot=robot: robot}))
+        arguments = ["robot", "--law", str(law.folder), "--no-realtime", "--load", "1", "0", "0", "0.1"]
+        assert ur.main(arguments) == ur.STATUS["no robot"] and robot.ended
+        assert capsys.readouterr().err.startswith("no robot: ")
 
 
 @pytest.mark.skipif(python() is None, reason="no environment .venv-franka with ur_rtde")

@@ -39,6 +39,7 @@ def test_no_panel_covers_another_where_the_page_is_scrolled(visit, width):
             "[...document.querySelectorAll('.view > section')]"
             ".map(panel => [panel.id, panel.getBoundingClientRect().toJSON()])"
         )
+        assert len(boxes) == 7
         for k, (name, box) in enumerate(boxes):
             for other, second in boxes[k + 1 :]:
                 across = min(box["right"], second["right"]) - max(box["left"], second["left"])

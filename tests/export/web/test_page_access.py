@@ -50,7 +50,7 @@ def test_the_page_works_by_keyboard_alone(visit):
     assert visit.page.locator("#outcomes li").count() == 2
 
 
-def test_the_outcome_is_announced_to_screen_readers_once_final(visit):
+def test_the_final_outcome_is_announced_and_every_control_has_a_name_for_screen_readers(visit):
     typed(visit, SCALE, "2")
     visit.page.wait_for_timeout(800)
     assert "The run reached its end." in visit.text("#said")
@@ -70,7 +70,7 @@ def test_no_element_is_wider_than_the_window(chromium, site, width):
     visit.close()
 
 
-def test_colours_follow_the_system_or_the_switch(chromium, site):
+def test_colours_follow_the_system_or_the_switch_and_reduced_motion_stops_the_player(chromium, site):
     visit = Visit(chromium, (site / "index.html").as_uri(), color_scheme="dark", reduced_motion="reduce")
     ground = "getComputedStyle(document.documentElement).backgroundColor"
     dark = visit.page.evaluate(ground)
@@ -81,7 +81,7 @@ def test_colours_follow_the_system_or_the_switch(chromium, site):
 
 
 @pytest.mark.parametrize("colours", ["light", "dark"])
-def test_axe_reports_no_serious_violation(chromium, site, colours):
+def test_axe_reports_no_violation(chromium, site, colours):
     path = os.environ.get("SLIDAX_AXE", "")
     if not Path(path).is_file():
         pytest.skip("SLIDAX_AXE names no axe.min.js: `npm install axe-core` has one")
@@ -94,6 +94,6 @@ def test_axe_reports_no_serious_violation(chromium, site, colours):
     visit.page.wait_for_timeout(100)
     visit.page.add_script_tag(content=Path(path).read_text(encoding="utf-8"))
     result = visit.page.evaluate("axe.run().then(found => found.violations)")
-    serious = [(item["id"], [node["html"][:120] for node in item["nodes"]]) for item in result]
-    assert serious == [], json.dumps(serious, indent=1)
+    violations = [(item["id"], [node["html"][:120] for node in item["nodes"]]) for item in result]
+    assert violations == [], json.dumps(violations, indent=1)
     visit.close()

@@ -5,7 +5,7 @@ import pytest
 
 from slidax.core.errors import DefinitionError, DefinitionWarning
 from slidax.export.web.playground import ARMS
-from slidax.export.web.tunables import NEVER, ORDER, tunables_of
+from slidax.export.web.tunables import ORDER, tunables_of
 from slidax.scenarios.load import validate_text
 
 SCENARIOS = {shown.arm: shown for shown in ARMS}
@@ -50,15 +50,6 @@ def test_both_ends_of_each_slider_are_valid_in_a_scenario(arm):
     assert refused(arm, some) == {}
 
 
-def test_slider_ranges_respect_ranges_that_depend_on_other_values():
-    some = [
-        tunable
-        for tunable in tunables("two_link")
-        if tunable.path.endswith((".exponent", ".inverse_inertia_max", ".window"))
-    ]
-    assert len(some) >= 3 and refused("two_link", some) == {}
-
-
 @EVERY_ARM
 def test_a_slider_contains_its_default_and_stays_in_the_declared_range(arm):
     for tunable in tunables(arm):
@@ -86,9 +77,13 @@ def test_important_parameters_have_sliders_with_units():
 @EVERY_ARM
 def test_noise_seeds_and_values_of_another_arm_have_no_sliders(arm):
     for tunable in tunables(arm):
-        assert not {*tunable.path.split(".")} & {*NEVER}
+        assert not {*tunable.path.split(".")} & {"seed", "lengths", "gravity_acceleration", "phase", "attached"}
         assert not tunable.path.startswith(("robot.nominal", "simulation", "start", "trajectory", "uncertainty"))
-        assert tunable.group in ORDER and tunable.title and "[" not in tunable.title
+
+
+@EVERY_ARM
+def test_sliders_have_titles_and_are_sorted_by_group(arm):
+    assert all(tunable.title and "[" not in tunable.title for tunable in tunables(arm))
     groups = [ORDER.index(tunable.group) for tunable in tunables(arm)]
     assert groups == sorted(groups)
 

@@ -2,9 +2,8 @@
 
 All joints have the same linear loop (joint_loop.py). So a bound of the disturbance w in a norm gives a bound of every
 output of the loop in that norm. The error e obeys `ë = K (s + w) + ρ` with `K = M⁻¹ M0`, the nominal inertia M0 and the
-true inertia `M = M0 + E`. s is the law's feedback acceleration. w itself depends on the outputs. ρ is the reference's
-mean acceleration in a period less its actual one. p bounds E: `(1 - p) M0 <= M <= (1 + p) M0`. The smaller of two
-bounds of each output is used:
+true inertia `M = M0 + E`. s is the law's feedback acceleration. w depends on the outputs. ρ is the reference's mean
+acceleration in a period less its actual one, and `(1 - p) M0 <= M <= (1 + p) M0`. The smaller of two bounds is used:
 
 - small gain: `ë = s + w - M0⁻¹ E (ë - ρ) + ρ`, with the nominal loop and `‖M0⁻¹ E x‖ <= p ‖x‖`, or by element
   `|M0⁻¹ E| |x|`;
@@ -93,8 +92,7 @@ class Inputs:
 
     - `coulomb`: Coulomb friction that is not compensated [n], N m or N.
     - `viscous`: largest viscous coefficient [n], N m s/rad; `viscous_error`: its largest difference from the law's.
-    - `torque`: disturbance torque of any form [n], N m or N; `torque_rate`: its rate [n], N m/s or N/s, inf without a
-      bound.
+    - `torque`, `torque_rate`: disturbance torque [n], N m or N, and its rate [n], N m/s or N/s; inf without a bound.
     - `resolution`: encoder resolution plus the noise's range, twice the largest error of a position [n], rad or m.
     - `start_error`, `start_speed`: |e| [n], rad or m, and |ė| [n], rad/s or m/s, at the start.
     - `settled`: True if the disturbance estimate has settled at rest before the start; False if it starts from 0.
@@ -118,9 +116,8 @@ class Bounds:
     - `error`, `velocity`: bounds of |e| and |ė| [cells n].
     - `outputs`: bounds of the loop's outputs by name [cells n]; `norms`: of their norms in the metric of M0 [cells].
     - `shares`: function that computes `terms`.
-    - `disturbance`: bound of those parts of the disturbance w that have no bound of their rate [cells n];
-      `disturbance_norm`: of their norm [cells]. Two parts with a bounded rate are left out: the inertial band along the
-      motion, and a disturbance torque of bounded rate.
+    - `disturbance`, `disturbance_norm`: bound of w's parts without a bound of their rate [cells n], and of their norm
+      [cells]. Parts with one are the inertial band along the motion and a disturbance torque of bounded rate.
     - `verified`: True if the bounds satisfy all inequalities; False if the iteration stopped before that.
     """
 
@@ -175,11 +172,7 @@ def spreads_of(loop: JointLoop, p: float, growth: float) -> dict[str, Spread]:
 
 @lru_cache(maxsize=64)
 def stacks_of(loop: JointLoop, p: float, growth: float) -> dict[str, KernelStack]:
-    """Return the kernels of the outputs `USED` as arrays, by name; cached.
-
-    `nominal`, `departure` and `largest` are the fields of `Spread`. `weighted` has the kernels of κ = 1 with
-    the weight of `spread_kernels` for `growth`.
-    """
+    """Return the kernels of the outputs `USED`, by field of `Spread`, and `weighted` for κ = 1 and `growth`; cached."""
     spreads, grown = spreads_of(loop, p, growth), spreads_of(loop, 0.0, growth)
     kernels = {
         "nominal": [spreads[name].nominal for name in USED],
@@ -238,10 +231,7 @@ class Problem:
         self.fixed = [[_total(values, k) for k in range(2)] for values in (self.small_gain, self.modes)]
 
     def _acting(self) -> tuple[dict[str, Floats], dict[str, Floats], Floats]:
-        """Return the shares of w that do not depend on the outputs, and ‖ρ‖ [cells].
-
-        The shares are by name: per joint [cells n], and in the metric of M0 [cells].
-        """
+        """Return the shares of w without the outputs: per joint [cells n], by norm [cells]; and ‖ρ‖ [cells]."""
         at, inputs, cells = self.at, self.inputs, self.path.cells
         friction = inputs.coulomb + inputs.viscous_error * cells.speed
         friction = friction + inputs.viscous * (0.5 * self.h * cells.acceleration)

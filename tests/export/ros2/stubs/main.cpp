@@ -45,6 +45,9 @@ int main() {
     lend(*controller, false);
     std::printf("an interface is missing %d\n", controller->on_activate(kState) == CallbackReturn::ERROR);
     lend(*controller);
+    controller->state_interfaces_[0] = decltype(controller->state_interfaces_)::value_type(nullptr);
+    said("no value", controller->on_activate(kState) == CallbackReturn::ERROR);
+    lend(*controller);
     q[0] = std::nan("");
     said("no posture", controller->on_activate(kState) == CallbackReturn::ERROR);
     measure();
