@@ -84,7 +84,7 @@ def statistical_with_cases(
         distance=APART,
     )
     searched, margins = every.rows - runs, rank_badness(every.table, MARGIN)
-    worst, found = float(margins.min()), float(margins[runs:].min(initial=np.inf))
+    worst, searched_worst = float(margins.min()), float(margins[runs:].min(initial=np.inf))
     rows = dict.fromkeys(int(np.argmax(margins == low)) for low in (float(margins[:runs].min()), *lows.values))
     kept = [every.values_of(row) for row in sorted(rows, key=lambda row: float(margins[row]))]
     bound: dict[str, Any] = {
@@ -100,7 +100,7 @@ def statistical_with_cases(
     outside = "none" if not failures else str(failures)
     statement = (
         f"Of {runs} random runs {outside} left the envelope: the probability of leaving it is below {upper:.2g} at "
-        f"{100 * confidence:g} % confidence. The worst of {searched} searched runs has a margin of {found:.3g}."
+        f"{100 * confidence:g} % confidence. The worst of {searched} searched runs has a margin of {searched_worst:.3g}."
     )
     if failures == 0 and worst <= 0.0:
         statement += " The search found a case that leaves the envelope."
@@ -110,8 +110,8 @@ def statistical_with_cases(
         Assumption(f"{runs} random runs stay inside the envelope, seed {seed}", "fails" if failures else "tested"),
         Assumption(
             f"{searched} runs of a search for the worst case stay inside the envelope",
-            "tested" if found > 0.0 else "fails",
-            found,
+            "tested" if searched_worst > 0.0 else "fails",
+            searched_worst,
         ),
     )
     cases = {path: np.stack([np.asarray(case[path]) for case in kept]) for path in kept[0]}

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft, ndimage
 
-from .regressor import BODY, PAIRS
+from slidax.arms.articulated import PAIRS
+
+from .regressor import BODY
 from .signals import LogSignals
 from .unknowns import Unknowns
 

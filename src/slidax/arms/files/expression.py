@@ -209,7 +209,7 @@ class _Evaluation:
                 if isinstance(owner, kind) and node.func.attr in methods and node.func.attr not in _entries(owner):
                     if node.func.attr == "replace":
                         _refuse_long(math.prod(len(text) + 1 for text in (owner, *arguments) if isinstance(text, str)))
-                    if node.func.attr == "join" and arguments:
+                    if node.func.attr == "join" and arguments and isinstance(owner, str):
                         arguments[0] = _entries_to_join(owner, arguments[0])
                     return getattr(owner, node.func.attr)(*arguments, **options)
         elif not isinstance(node.func, ast.Name):

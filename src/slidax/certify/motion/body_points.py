@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slidax.arms.articulated import Articulated
+from slidax.arms.articulated import PAIRS, Articulated
 from slidax.core.errors import DefinitionError
 from slidax.identify.band import arm_parameters
-from slidax.identify.regressor import BODY, PAIRS
+from slidax.identify.regressor import BODY
 
 Floats = NDArray[np.float64]
 
