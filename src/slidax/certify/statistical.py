@@ -100,7 +100,8 @@ def statistical_with_cases(
     outside = "none" if not failures else str(failures)
     statement = (
         f"Of {runs} random runs {outside} left the envelope: the probability of leaving it is below {upper:.2g} at "
-        f"{100 * confidence:g} % confidence. The worst of {searched} searched runs has a margin of {searched_worst:.3g}."
+        f"{100 * confidence:g} % confidence. The worst of {searched} searched runs has a margin of "
+        f"{searched_worst:.3g}."
     )
     if failures == 0 and worst <= 0.0:
         statement += " The search found a case that leaves the envelope."
