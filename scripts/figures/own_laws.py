@@ -186,6 +186,9 @@ SEEDS, ARMS = 3, 20
 LEVELS, CHOSEN = (0.01, 0.03, 0.1), 0.03
 """N m: noise at which errors are compared, and that of the worst cases."""
 
+IN_README = ("IntegralSlidingMode", "ftsmc", "cftsmppc", "super_twisting", "MomentumObserver", "computed_torque")
+"""Laws of the README's table: the best known, and every rival that has the least error at one of the levels."""
+
 BANDWIDTH = 50.0
 """Hz: what is above it counts as chattering."""
 
@@ -350,6 +353,7 @@ def write_kept(folder: Path) -> None:
     results = dict(sorted(kept.items(), key=lambda item: [error_at(item[1]["fronts"], level) for level in LEVELS[1:]]))
     write_fronts(results)
     write_worst_of_rivals(results)
+    write_readme_fronts(results)
     save(draw_rival_fronts(results), "rival-fronts")
 
 
@@ -425,6 +429,18 @@ def write_worst_of_rivals(results: dict[str, Any]) -> None:
         "within 1e-3 rad after",
     ]
     write_table(PAGE, "rival-worst", table(head, rows))
+
+
+def write_readme_fronts(results: dict[str, Any]) -> None:
+    """The README's table: some laws' error at each noise, and the random arms inside with the gains of one arm."""
+    rows = []
+    for name in IN_README:
+        result = results[name]
+        errors = [number(error_at(result["fronts"], level)) for level in LEVELS]
+        inside = f"{result['worst']['inside']} of {ARMS}" if "worst" in result else "-"
+        rows.append([label(name), *errors, inside])
+    head = ["controller", *[f"error [rad] at {level:g} N m" for level in LEVELS], "random arms inside"]
+    write_table("../README.md", "fronts", table(head, rows))
 
 
 @styled

@@ -155,6 +155,30 @@ def test_pages_state_the_default_number_of_runs_of_slidax_design():
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def table_rows(text, name):
+    """First cell to further cells of the table with this mark."""
+    lines = text.split(f"<!-- table {name} -->")[1].split("<!-- end -->")[0].strip().splitlines()[2:]
+    cells = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines]
+    return {first: others for first, *others in cells}
+
+
+def test_readme_table_of_controllers_has_the_numbers_of_the_comparison_page():
+    page = (ROOT / "docs" / "benchmark-of-schemes.md").read_text(encoding="utf-8")
+    fronts, worst = table_rows(page, "rival-fronts"), table_rows(page, "rival-worst")
+    rows = table_rows(README, "fronts")
+    assert len(rows) >= 6 and "`cftsmppc`" in rows
+    for law, (*errors, inside) in rows.items():
+        assert [*errors, inside] == [*fronts[law][: len(errors)], worst[law][1]]
+
+
+def test_readme_table_of_controllers_names_the_law_with_the_least_error_at_each_noise():
+    fronts = table_rows((ROOT / "docs" / "benchmark-of-schemes.md").read_text(encoding="utf-8"), "rival-fronts")
+    rows = table_rows(README, "fronts")
+    for column in range(3):
+        errors = {law: float(cells[column]) for law, cells in fronts.items() if cells[column] != "-"}
+        assert min(errors.values()) in {float(cells[column]) for cells in rows.values() if cells[column] != "-"}
+
+
 def test_the_panda_animation_is_small_and_self_contained():
     text = (ROOT / "docs" / "figures" / "panda-moving.svg").read_text(encoding="utf-8")
     assert len(text) < 2_000_000
