@@ -225,7 +225,8 @@ def identify(
         str, typer.Option(help="s, ms, us, ns, or seconds per unit, such as 0.004.", rich_help_panel=UNITS)
     ] = "s",
     position_unit: Annotated[
-        str | None, typer.Option(help="rad, deg, mrad or rev, and m or mm; default: rad,m.", rich_help_panel=UNITS)
+        str | None,
+        typer.Option(help="rad, deg, mrad or rev; m or mm if a joint is prismatic.", rich_help_panel=UNITS),
     ] = None,
     position_sign: Annotated[
         str | None, typer.Option(metavar="LIST", help="1 or -1 for each joint.", rich_help_panel=UNITS)

@@ -90,10 +90,10 @@ def numbers(option: str, text: str) -> list[float]:
 
     Raises DefinitionError if one is not a number.
     """
-    from slidax.core.errors import DefinitionError, short_repr
+    from slidax.core.errors import DefinitionError, parse_number, short_repr
 
     try:
-        return [float(word) for word in text.split(",")]
+        return [parse_number(word) for word in text.split(",")]
     except ValueError:
         raise DefinitionError(
             f"`{option}` needs comma-separated numbers, such as 1,-1,1; got {short_repr(text)}"
@@ -107,13 +107,13 @@ def positions(option: str, texts: list[str]) -> dict[str, float]:
 
     Raises DefinitionError for another form, or if a joint has two positions.
     """
-    from slidax.core.errors import DefinitionError, plain_name, short_repr
+    from slidax.core.errors import DefinitionError, parse_number, plain_name, short_repr
 
     places: dict[str, float] = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
-            position = float(value)
+            position = parse_number(value)
         except ValueError:
             raise DefinitionError(
                 f"`{option}` needs the form JOINT=POSITION, such as finger=0.04; got {short_repr(text)}"

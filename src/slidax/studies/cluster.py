@@ -88,7 +88,7 @@ class Cluster(AbstractPool):
         where = _address(where)
         kind, _, rest = where.partition(":")
         if kind == "local":
-            if not rest.isdigit() or not 1 <= int(rest) <= 4096:
+            if not (rest.isascii() and rest.isdigit()) or not 1 <= int(rest) <= 4096:
                 raise DefinitionError(
                     f"`--cluster` must be `local:` and a number of processes from 1 to 4096, such as `local:2`; got "
                     f"`{plain_name(where)}`"

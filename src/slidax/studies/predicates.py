@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from slidax.core.errors import DefinitionError, count_noun, plain_name
+from slidax.core.errors import DefinitionError, count_noun, parse_number, plain_name
 from slidax.scenarios.descriptions import AbstractDescription, input_field
 
 from .cases import Columns, require_metric
@@ -70,7 +70,7 @@ class Predicate:
         match = FORM.fullmatch(self.text)
         try:
             name, sign, number = match.groups() if match else ("", "", "")
-            limit = float(number)
+            limit = parse_number(number)
         except ValueError:
             raise DefinitionError(
                 f"must be `{ENVELOPE}`, or a metric, a sign and a number, such as `steady_error < 1e-3`; "
