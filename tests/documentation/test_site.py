@@ -86,7 +86,7 @@ def test_links_are_rewritten_for_the_site_and_code_is_unchanged():
     assert stage.files == {"examples/design"}
 
 
-def test_a_number_with_an_exponent_is_marked_as_a_number_on_the_site():
+def test_a_number_with_an_exponent_in_a_table_has_the_class_of_numbers_on_the_site():
     text = "| 1.2e-04 to 3e-5 | `1e-6` | abc1e-7 |\n"
     number = '<span class="number">{}</span>'.format
     assert Stage(ROOT).linked(text, "docs/x.md", "x.md") == (

@@ -116,7 +116,7 @@ def test_motions_with_equal_numbers_of_knots_can_be_batched():
 @pytest.mark.parametrize(
     ("times", "shape", "message"),
     [
-        ([0.0, 1.0, 2.0], (4, 1, 2), "one piece between any two knots"),
+        ([0.0, 1.0, 2.0], (4, 1, 2), "with a piece from each knot to the next"),
         ([0.0, 0.0], (4, 1, 2), "times` must increase"),
         ([0.0, np.inf], (4, 1, 2), "times` must be finite; got inf for entry 2"),
     ],

@@ -259,7 +259,7 @@ def test_identify_prints_the_actuator_map_and_writes_it_to_the_arm_file(tmp_path
     assert (np.abs(matrix - gains) < 4.0 * errors).all()
 
 
-def test_an_actuator_map_of_unknown_kind_without_known_masses_or_with_swapped_torques_is_refused():
+def test_an_actuator_map_is_refused_for_an_unknown_kind_or_unknown_masses_or_exchanged_torques():
     _, log = pinocchio_log("ur5e", 0)
     with pytest.raises(DefinitionError, match="needs known masses"):
         identify(log, sx.arms.ur5e(), actuator_map="gain", links=True)

@@ -132,7 +132,7 @@ def test_part_files_of_another_study_or_with_other_rows_are_reported_and_compute
     assert [str(item.message).rpartition("/")[2] for item in told] == [
         "000000000064-64.parquet` belongs to another study, or to an older version of slidax: its 64 rows are "
         "computed again",
-        "000000000128-64.parquet` has other rows than its name implies: its 64 rows are computed again",
+        "000000000128-64.parquet` has other rows than those in its name: its 64 rows are computed again",
     ]
     assert same(out, whole)
 
@@ -145,7 +145,7 @@ def test_a_part_file_that_declares_other_rows_is_not_read(whole, out):
     pq.write_table(zeros, path, compression="zstd")
     assert path.stat().st_size < 20_000
     # If the file were read, the message would be about its checksum.
-    with pytest.warns(DefinitionWarning, match="has other rows than its name implies: its 64 rows are computed again"):
+    with pytest.warns(DefinitionWarning, match="has other rows than those in its name: its 64 rows are computed again"):
         assert fill(opened(out)) == 64
     assert same(out, whole)
 

@@ -1,4 +1,4 @@
-"""Adjusted: a nominal arm with link changes and an added tip body, which an adaptive law estimates."""
+"""Adjusted: a nominal arm with other inertias of its links and a body at its tip, both estimated by an adaptive law."""
 
 from __future__ import annotations
 

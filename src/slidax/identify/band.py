@@ -107,10 +107,11 @@ class EstimateErrors:
 
 
 def band_of(robot: Articulated, estimate: EstimateErrors, *, confidence: float = 0.95) -> Band:
-    """Return the band of an identified arm: bounds that hold together with probability `confidence`.
+    """Return the band of an identified arm: bounds of its errors that hold together with probability `confidence`.
 
-    The bounds are quantiles over 1000 random parameter errors with the estimate's covariance and a fixed seed. All
-    bounds have the same quantile level, the lowest for which they hold together with `confidence`.
+    They bound the mass matrix, the torque along a motion, rotor inertias and friction (`Band`). Each is a quantile over
+    1000 random parameter errors with the estimate's covariance and a fixed seed. All bounds have the same quantile
+    level, the lowest for which they hold together with `confidence`.
 
     - `robot`: the identified arm.
     - `estimate`: its parameters, with the covariance of their errors.

@@ -215,7 +215,8 @@ class CalmStep(AbstractStep):
 def gains(bandwidth: Vector, h: Scalar) -> tuple[Vector, Vector, Vector]:
     """Return the gains K1 [1/s²], K2 [1/s] and K3 of `a = z - K1 e - K2 v - K3 z`, [n] each, as in `CalmStep`.
 
-    Ackermann's formula gives them for the state (e, v, z) and the poles of `CalmStep`.
+    a is the commanded acceleration, z the one of an unchanged torque, e the tracking error and v its rate. The gains
+    place the poles of the loop with the state (e, v, z) where `CalmStep` states them (Ackermann's formula).
 
     - `bandwidth`: ω of each joint [n], rad/s.
     - `h`: period [s].

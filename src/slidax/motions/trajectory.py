@@ -223,7 +223,7 @@ class AbstractPiecewisePolynomial(AbstractMotion):
         knots, shape = np.shape(self.times), np.shape(self.coefficients)
         if len(knots) != 1 or len(shape) != 3 or knots[0] != shape[1] + 1:
             raise DefinitionError(
-                f"`{name}.coefficients` must be [powers pieces joints] with one piece between any two knots; "
+                f"`{name}.coefficients` must be [powers pieces joints], with a piece from each knot to the next; "
                 f"got shape {list(shape)} for {list(knots)} knots"
             )
         if not is_traced(self.times) and not np.all(np.diff(self.times) > 0):

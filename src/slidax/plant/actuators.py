@@ -53,10 +53,10 @@ class ActuatorMap(AbstractPart):
     def of(cls, matrix: Any) -> ActuatorMap:
         """Return the map with its inverse.
 
-        - `matrix`: G [n n].
+        - `matrix`: G [n n] of `τ = G c`, with commands c and joint torques τ.
 
-        Raises DefinitionError if G is not square or not finite, or if a gain does not exceed the sum of its row's
-        cross-talk.
+        Raises DefinitionError if G is not square or not finite, or if a diagonal entry (a gain) does not exceed the sum
+        of the absolute other entries of its row (cross-talk).
         """
         gains = static_value(as_array(matrix))
         if gains.ndim != 2 or gains.shape[0] != gains.shape[1]:

@@ -214,7 +214,8 @@ class LawSide:
     def answer(self, k: int, applied: int) -> bool:
         """Compute the torque command `tau` from the measurement in `measured`.
 
-        Returns False if the law no longer has its memory after the last applied command, and used an older one.
+        Returns True if the law continued from its memory right after the command of tick `applied`; False if it no
+        longer had this memory and continued from an older one.
 
         - `k`: the tick at which the command takes effect.
         - `applied`: the last tick whose command was applied, as reported by the arm; -1 before the first.

@@ -80,7 +80,7 @@ def read_part(path: Path, rows: int | None = None, *, largest: int = LARGEST_PAR
         _require_regular(path, largest)
         with pq.ParquetFile(pa.BufferReader(path.read_bytes())) as file:
             if rows is not None and file.metadata.num_rows != rows:
-                raise DamagedError("has other rows than its name implies")
+                raise DamagedError("has other rows than those in its name")
             parquet.require_names(file, "is damaged:")
             parquet.require_numbers(file, "is damaged:", file.schema_arrow.names, {}, most=MOST_NUMBERS)
             return file.read()
@@ -350,7 +350,7 @@ class Store:
         if not intact:
             raise DamagedError("is damaged: its checksum is wrong")
         if not np.array_equal(columns.get("row", np.zeros(0)), np.arange(first, first + rows)):
-            raise DamagedError("has other rows than its name implies")
+            raise DamagedError("has other rows than those in its name")
         return table
 
     def _path(self, first: int, rows: int) -> Path:

@@ -24,7 +24,8 @@ def law_lines(law: CertifiedLaw, certified: CertifiedPath) -> list[Assumption]:
 
     The gate (`MeasurementGate`) may reject a position for three reasons: it is out of range; it is too far from the
     last one; or it is the third in a row that repeats the one before, although the law predicts that the joint moves.
-    Then the predicted travel is at most the innovation, the difference of measurement and prediction.
+    In the third case the predicted travel is at most the innovation, the difference of measurement and prediction. So
+    a bound of the innovation below the travel from which the gate rejects rules this case out.
     """
     gate, h, n = law.gate, law.loop.period, law.arm.joints
     q_max, speed, acceleration, spread = (

@@ -220,7 +220,8 @@ class AssignmentRun:
 def runs_of(statements: Sequence[Statement], stored: Stored, where: Where) -> list[AssignmentRun]:
     """Split assignments into runs, each for one loop; return the runs in an order that leaves all results unchanged.
 
-    The body of a loop is a single assignment, since compilers do not vectorise several.
+    A run has assignments that are equal but for array indices with constant steps, or a single other assignment. The
+    body of a loop is a single assignment, since compilers do not vectorise several.
 
     - `stored`: for each variable that has become an array element, by its name, the array and the index.
     - `where`: function from an operand to the C text that reads it.

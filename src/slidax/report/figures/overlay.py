@@ -28,7 +28,9 @@ def envelope_share(run: Run, *, ax: Axes | None = None) -> Figure:
     """
     log = log_of(run)
     if log.envelope is None:
-        raise DefinitionError("this run has no envelope that its errors could be a share of: draw `tracking_error`")
+        raise DefinitionError(
+            "errors cannot be drawn as shares of an envelope that this run lacks: draw `tracking_error` instead"
+        )
     t = np.asarray(log.t)
     shares = 100.0 * bound_shares(run)
     names = short_names(run.joint_names)
