@@ -136,7 +136,7 @@ def test_a_parameter_of_the_wrong_size_is_refused_with_both_counts(law):
         (vector, [1.0] * 3, "must be one number or 2 numbers; got 3 numbers"),
         (vector, [[1.0, 2.0]], r"must be one number or 2 numbers; got shape \[1, 2\]"),
         (scalar, [1.0, 2.0], "must be one number; got 2 numbers"),
-        (scalar, "fast", "must be numbers; got 'fast'"),
+        (scalar, "fast", "must be numbers, or rows of as many numbers each; got 'fast'"),
     ):
         with pytest.raises(DefinitionError, match=f"`{name}` {words}"):
             law[name] = value

@@ -286,8 +286,12 @@ class RunRecord:
             return np.stack([np.asarray(column, float) for column in parts], axis=1)
 
         t = np.asarray(columns.get("t", ()), float)
-        if len(t) < 3 or np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
+        if np.any(np.abs(np.diff(t) / scenario.period - 1.0) > 0.01):
             raise DefinitionError(EACH)
+        if len(t) < 3:
+            raise DefinitionError(
+                f"a diagnosis needs three samples or more; the log has {len(t)}: make `simulation.t1` longer"
+            )
         signals = {name: per_joint(name) for name in ("disturbance", "residual")}
         if "u" in columns:
             signals["u"] = np.asarray(columns["u"], float)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slidax.core.errors import DefinitionError, count_noun, nearest_word, short_repr
+from slidax.core.errors import DefinitionError, count_noun, float_array, nearest_word
 
 from .onboard.pilot import C_TYPES, compile_library
 
@@ -117,7 +117,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
 
     def __setitem__(self, name: str, value: Any) -> None:
         size = self._sizes[self._known(name)]
-        numbers = _floats(value, name)
+        numbers = float_array(name, value)
         if numbers.shape not in (((), (1,), (size,)) if size else ((),)):
             expected = f"one number or {size} numbers" if size > 1 else "one number"
             shape = f"shape {list(numbers.shape)}" if numbers.ndim > 1 else count_noun(numbers.size, "number")
@@ -148,7 +148,7 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         return name
 
     def _numbers(self, value: Any, name: str, *rows: int) -> np.ndarray:
-        numbers, shape = _floats(value, name), (*rows, self.joints)
+        numbers, shape = float_array(name, value), (*rows, self.joints)
         if numbers.shape != shape:
             raise DefinitionError(f"`{name}` must have shape {list(shape)}; got {list(numbers.shape)}")
         return numbers
@@ -165,13 +165,6 @@ class ExportedLaw(MutableMapping[str, np.ndarray]):
         ]
         kind: Any = type(name.capitalize(), (ctypes.Structure,), {"_fields_": fields})
         return self._function(name, ctypes.POINTER(kind))(self._at).contents
-
-
-def _floats(value: Any, name: str) -> np.ndarray:
-    try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise DefinitionError(f"`{name}` must be numbers; got {short_repr(value)}") from None
 
 
 def load_export(folder: str | Path) -> ExportedLaw:

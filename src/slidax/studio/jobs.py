@@ -117,10 +117,10 @@ def _file_out(endings: tuple[str, ...]) -> Reader:
 
 
 def _report(command: JobCommand, folder: Folder, value: Any, name: str) -> None:
-    before = command.out, command.replaces
+    replaces = command.replaces
     _folder_out(command, folder, value, name)
     command.words[-1] = f"--report={command.out}"
-    command.replaces = command.replaces or before[1]
+    command.replaces = command.replaces or replaces
 
 
 def _number(low: float, high: float, kind: type[int] | type[float] = int) -> Reader:
