@@ -279,5 +279,5 @@ def test_a_run_of_ten_samples_that_leaves_its_envelope_is_explained():
 def test_a_log_of_two_samples_is_refused_by_its_length():
     changes = {"simulation.t1": 0.001, "start.q": [-0.8, 2.9], "simulation.outside": "recover"}
     scenario = load("example-4.1-1khz", changes)
-    with pytest.raises(DefinitionError, match="three samples or more; the log has 2: make `simulation.t1` longer"):
+    with pytest.raises(DefinitionError, match=r"three samples or more; the log has 2: make `simulation\.t1` longer"):
         explain(scenario, scenario.simulate(log_every=1))
